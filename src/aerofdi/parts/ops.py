@@ -1,0 +1,79 @@
+"""Maths names for scalar code that runs in plain Python, compiles with Numba, and can be traced later.
+
+Use `where, minimum, maximum, clip` instead of `if` on values, and `@jit` on every function of the fast path.
+Without Numba (or with NUMBA_DISABLE_JIT=1) the same source runs uncompiled.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from math import atan2, cos, exp, floor, log, pi, sin, sqrt, tan
+from typing import Any, TypeVar
+
+__all__ = [
+    "COMPILED",
+    "atan2",
+    "clip",
+    "cos",
+    "exp",
+    "floor",
+    "jit",
+    "log",
+    "maximum",
+    "minimum",
+    "pi",
+    "sign",
+    "sin",
+    "sqrt",
+    "tan",
+    "where",
+]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+try:
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        raise ImportError
+    import numba
+
+    COMPILED = True
+except ImportError:
+    COMPILED = False
+
+
+def jit(function: F) -> F:
+    """Compile with Numba and cache on disk; without Numba return the function as it is."""
+    if not COMPILED:
+        return function
+    return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+
+
+@jit
+def where(condition: bool, a: float, b: float) -> float:
+    """a if condition else b; both are evaluated."""
+    return a if condition else b
+
+
+@jit
+def minimum(a: float, b: float) -> float:
+    """The smaller of two numbers."""
+    return a if a < b else b
+
+
+@jit
+def maximum(a: float, b: float) -> float:
+    """The larger of two numbers."""
+    return a if a > b else b
+
+
+@jit
+def clip(x: float, lo: float, hi: float) -> float:
+    """x held within [lo, hi]."""
+    return minimum(maximum(x, lo), hi)
+
+
+@jit
+def sign(x: float) -> float:
+    """-1, 0 or 1."""
+    return (1.0 if x > 0.0 else 0.0) - (1.0 if x < 0.0 else 0.0)
