@@ -3,7 +3,7 @@
 Philox4x32-10 (Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC11): the seed is
 the key; step, channel and run are the counter. Each call gives four independent 32-bit words, so a run never
 depends on scheduling, batch size or what else was drawn. The same source gives the same bits compiled and in
-plain Python: products of two words are masked, so it does not matter whether integers wrap at 64 bits or never.
+plain Python: products of words are masked, so it does not matter whether integers wrap at 64 bits or never.
 
 Normals are the inverse of the normal distribution function at (word + 1/2) / 2^32, by Wichura's PPND16
 (algorithm AS 241, Applied Statistics 37, 1988), relative error about 1e-16; the largest |value| is 6.3.
@@ -30,10 +30,9 @@ def philox(k0: int, k1: int, c0: int, c1: int, c2: int, c3: int) -> tuple[int, i
 
 @jit
 def words4(seed: int, run: int, channel: int, step: int) -> tuple[int, int, int, int]:
-    """Four 32-bit words for this (seed, run, channel, step); all four are integers from 0 (seed and run to 2^63 - 1)."""
-    return philox(
-        seed & MASK, (seed >> 32) & MASK, step & MASK, channel & MASK, run & MASK, (run >> 32) & MASK
-    )
+    """Four 32-bit words for this (seed, run, channel, step): integers from 0, seed and run up to 2^63 - 1."""
+    k0, k1 = seed & MASK, (seed >> 32) & MASK
+    return philox(k0, k1, step & MASK, channel & MASK, run & MASK, (run >> 32) & MASK)
 
 
 @jit

@@ -5,13 +5,13 @@
     order 2    x'' = w^2 (u - x) - 2 zeta w x'
 
 with u the command held over the step, first clipped to the position limits. The linear part is the exact
-zero-order-hold solution (matrix exponential), written in the error e = u - x so that rest stays rest to the bit:
+zero-order-hold solution (matrix exponential), in the error e = u - x so that rest stays rest to the bit:
 
     x+ = x + b1 e + a12 v        v+ = b2 e + a22 v        v = dx/dt
 
 then the speed v+ and the move x+ - x are held within the rate limit, and x+ within the stops, which take the
-speed away. The rate limit acts on the motion, never on the command: where it binds, the position is within one
-step of slewing of the limited equation. A transport delay comes before the servo: see `parts.delay_line`.
+speed away. The rate limit acts on the motion, never on the command; where it binds, the position is within
+one step of slewing of the limited equation. A transport delay comes before the servo: see `parts.delay_line`.
 """
 
 from __future__ import annotations
