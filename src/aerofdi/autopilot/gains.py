@@ -1,4 +1,4 @@
-"""Which controllers there are, and gains read from the `[autopilot]` table of an aircraft or scenario file."""
+"""Which controllers there are, and gains from the `[autopilot]` table of an aircraft or scenario file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _DEGREE = pi / 180.0
 
 
 def controller(name: str) -> ModuleType:
-    """The module of one controller: Gains, UNITS, State, Command, RATE_HZ, init, step.
+    """The module of one controller: Gains, UNITS, RATE_HZ, State, Command, init, step.
 
     >>> from aerofdi.autopilot import controller
     >>> controller("vireo").Command._fields
@@ -27,7 +27,7 @@ def controller(name: str) -> ModuleType:
 
 
 def _number(who: str, name: str, unit: str, entry: Any) -> float:
-    """The value of one entry in the unit the controller uses; deg, deg/s and 1/deg are turned into radians."""
+    """The value of one entry in the unit the controller uses; deg and deg/s are turned into radians."""
     if not isinstance(entry, Mapping) or "v" not in entry or "unit" not in entry or "src" not in entry:
         raise WrongUse(
             f"{who}: gain {name!r} needs {{ v = number, unit = {unit!r}, src = source }}; got {entry!r}"
@@ -44,11 +44,11 @@ def _number(who: str, name: str, unit: str, entry: Any) -> float:
 
 
 def load_gains(name: str, table: Mapping[str, Any], who: str = "this file") -> Any:
-    """The Gains of controller `name` from a table of { v, unit, src[, assumed, note] } entries.
+    """The Gains of controller `name` (or "guidance") from { v, unit, src[, assumed, note] } entries.
 
     Raises WrongUse, naming `who` and the gain, for a missing or unknown gain, a wrong unit, or no source.
     """
-    module = controller(name)
+    module = importlib.import_module(f"{__package__}.guidance") if name == "guidance" else controller(name)
     missing = [k for k in module.Gains._fields if k not in table]
     unknown = [k for k in table if k not in module.Gains._fields]
     if missing or unknown:

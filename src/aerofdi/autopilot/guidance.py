@@ -1,14 +1,18 @@
-"""From a plan to a Reference: references over time, a track of straight legs and banked corners, and HOLD_LEVEL.
+"""From a plan to a Reference: references over time, a track of straight legs and banked corners, HOLD_LEVEL.
 
-The track is flown by the L1 law (Park, Deyst and How 2004; in the form ArduPilot uses): with ground speed V, look-ahead
-distance L1 = zeta T V / pi and eta the angle from the ground velocity to the point L1 ahead on the leg,
+The track is flown by the L1 law (Park, Deyst and How 2004, in the form ArduPilot uses): with ground speed
+V, look-ahead distance L1 = zeta T V / pi and eta the angle from the ground velocity to the point L1 ahead
+on the leg,
 
     a = 4 zeta^2 V^2 / L1 sin(eta),   bank = atan(a / g), limited.
 
-A corner is begun turn_lead before the waypoint so that the limited bank rolls out on the next leg. HOLD_LEVEL levels
-the wings, then holds the heading found and the altitude at the time of the request, until the request ends.
+For small errors this is y'' + 2 zeta w y' + w^2 y = 0 with w = 2 pi / T for the cross-track error y. A
+corner is begun so far before the waypoint that the limited bank rolls out on the next leg. HOLD_LEVEL
+levels the wings, then holds the heading found and the altitude at the time of the request, until the
+request ends.
 
-Not modelled: climb along a leg (altitude follows the time table), wind estimation (ground velocity carries it).
+Not modelled: climb along a leg (altitude follows the time table), wind estimation (ground velocity carries
+it).
 """
 
 from __future__ import annotations
@@ -21,19 +25,36 @@ from ..core.errors import WrongUse
 from ..core.types import Array
 from ..parts.ops import atan2, clip, cos, jit, maximum, minimum, pi, sin, sqrt, tan
 from .loops import GRAVITY, wrap
-from .signals import BANK, HEADING, TRACK, Measured, Reference
+from .signals import BANK, COURSE, HEADING, TRACK, Measured, Reference
 
 LEVEL_BANK = 0.0873  # 5 deg: below it the wings count as level and HOLD_LEVEL takes the heading
 FREE, LEVELLING, HOLDING = 0, 1, 2
 
 
+class Gains(NamedTuple):
+    """l1_period, l1_damping:
+
+    T and zeta of the track law. bank_max: its bank limit. turn_time: to roll in or out.
+    """
+
+    l1_period: float
+    l1_damping: float
+    bank_max: float
+    turn_time: float
+
+
+UNITS = {"l1_period": "s", "l1_damping": "1", "bank_max": "rad", "turn_time": "s"}
+# Slow enough for every controller here: the track is four times slower than the slowest bank loop.
+DEFAULT_GAINS = Gains(l1_period=12.0, l1_damping=0.75, bank_max=0.6, turn_time=0.6)
+
+
 class Plan(NamedTuple):
     """What shall be flown; build it with `plan`.
 
-    t_s, airspeed, altitude, angle: (n,) break points with linear ramps between them (a repeated stamp is a step; the
-    last value holds). lateral: what `angle` is in time (BANK: bank, HEADING, COURSE: unwrapped angle) or TRACK.
-    north, east: (m,) waypoints of the track in order, flown round and round; m = 0 without a track.
-    l1_period_s, l1_damping: of the track law. bank_max: rad. turn_time_s: time to roll in or out of a corner.
+    t_s, airspeed, altitude, angle: (n,) break points with linear ramps between them (a repeated stamp is a
+    step; the last value holds). lateral: what `angle` is over time (BANK: bank, HEADING and COURSE:
+    unwrapped angle), or TRACK. north, east: (m,) waypoints of the track in order, flown round and round; m
+    = 0 without a track.
     """
 
     t_s: Array
@@ -43,14 +64,11 @@ class Plan(NamedTuple):
     lateral: int
     north: Array
     east: Array
-    l1_period_s: float
-    l1_damping: float
-    bank_max: float
-    turn_time_s: float
+    gains: Gains
 
 
 class State(NamedTuple):
-    """row: last break point passed. leg: index of the waypoint flown from. hold: FREE, LEVELLING or HOLDING."""
+    """row: last break point passed. leg: waypoint flown from. hold: FREE, LEVELLING or HOLDING."""
 
     row: int
     leg: int
@@ -67,10 +85,7 @@ def plan(
     lateral: int = HEADING,
     north: Any = (),
     east: Any = (),
-    l1_period_s: float = 12.0,
-    l1_damping: float = 0.75,
-    bank_max: float = 0.6,
-    turn_time_s: float = 0.6,
+    gains: Gains = DEFAULT_GAINS,
 ) -> Plan:
     """A checked Plan from lists or numbers; numbers are held over all of t_s. m/s, m, rad.
 
@@ -95,7 +110,7 @@ def plan(
         columns[name] = column
     if not len(t) or not np.isfinite(t).all() or (np.diff(t) < 0).any():
         raise WrongUse(f"plan: times must be finite and never decrease, got {t_s}")
-    if lateral not in (BANK, HEADING, 2, TRACK):
+    if lateral not in (BANK, HEADING, COURSE, TRACK):
         raise WrongUse(f"plan: lateral is one of BANK, HEADING, COURSE, TRACK (0 to 3), got {lateral}")
     n, e = np.asarray(north, float).ravel(), np.asarray(east, float).ravel()
     if len(n) != len(e) or not (np.isfinite(n).all() and np.isfinite(e).all()):
@@ -106,14 +121,11 @@ def plan(
         gaps = np.hypot(n - np.roll(n, 1), e - np.roll(e, 1)) if len(n) else np.zeros(1)
         if len(n) < 3 or gaps.min() <= 0.0:
             raise WrongUse(f"plan: a track needs at least three different waypoints, got {len(n)}")
-    if not (0.0 < bank_max < 1.4 and l1_period_s > 0.0 and l1_damping > 0.0 and turn_time_s >= 0.0):
+    if not (0.0 < gains.bank_max < 1.4 and min(gains.l1_period, gains.l1_damping) > 0.0 <= gains.turn_time):
         raise WrongUse(
-            "plan: bank_max must be in (0, 1.4) rad, l1_period_s and l1_damping positive, turn_time_s >= 0"
+            f"plan: bank_max must be in (0, 1.4) rad, l1_period and l1_damping positive; got {gains}"
         )
-    return Plan(
-        t, columns["airspeed"], columns["altitude"], columns["angle"], int(lateral), n, e,
-        float(l1_period_s), float(l1_damping), float(bank_max), float(turn_time_s),
-    )  # fmt: skip
+    return Plan(t, columns["airspeed"], columns["altitude"], columns["angle"], int(lateral), n, e, gains)
 
 
 def rectangle(
@@ -124,7 +136,10 @@ def rectangle(
     east: float = 0.0,
     right: bool = True,
 ) -> tuple[Array, Array]:
-    """Waypoints of a rectangle, m: from (north, east) the first leg runs `length` along `course` (rad), turns to `right`."""
+    """Waypoints of a rectangle, m:
+
+    the first leg runs `length` from (north, east) along `course` (rad), then right.
+    """
     side = 1.0 if right else -1.0
     along = np.array([0.0, length, length, 0.0])
     across = side * np.array([0.0, 0.0, width, width])
@@ -160,21 +175,21 @@ def _between(p: Plan, column: Array, row: int, t: float) -> float:
 def _l1_bank(p: Plan, from_n: float, from_e: float, course: float, z: Measured) -> float:
     """Bank (rad) that steers onto the line through (from_n, from_e) with this course."""
     v = maximum(sqrt(z.velocity_north**2 + z.velocity_east**2), 1.0)
-    l1 = p.l1_damping * p.l1_period_s * v / pi
+    l1 = p.gains.l1_damping * p.gains.l1_period * v / pi
     cross = -(z.north - from_n) * sin(course) + (z.east - from_e) * cos(course)  # right of the leg, m
     to_line = clip(-cross / l1, -1.0, 1.0)
     to_point = course + atan2(to_line, sqrt(maximum(1.0 - to_line * to_line, 0.0)))
     eta = clip(wrap(to_point - atan2(z.velocity_east, z.velocity_north)), -0.5 * pi, 0.5 * pi)
-    accel = 4.0 * p.l1_damping * p.l1_damping * v * v / l1 * sin(eta)
-    return clip(atan2(accel, GRAVITY), -p.bank_max, p.bank_max)
+    accel = 4.0 * p.gains.l1_damping * p.gains.l1_damping * v * v / l1 * sin(eta)
+    return clip(atan2(accel, GRAVITY), -p.gains.bank_max, p.gains.bank_max)
 
 
 @jit
 def _turn_lead(p: Plan, turn: float, z: Measured) -> float:
     """How far before a waypoint a turn by `turn` (rad) at the bank limit must begin, m."""
     v = sqrt(z.velocity_north**2 + z.velocity_east**2)
-    radius = v * v / (GRAVITY * tan(p.bank_max))
-    return radius * tan(0.5 * minimum(abs(turn), 0.75 * pi)) + v * p.turn_time_s
+    radius = v * v / (GRAVITY * tan(p.gains.bank_max))
+    return radius * tan(0.5 * minimum(abs(turn), 0.75 * pi)) + v * p.gains.turn_time
 
 
 @jit
@@ -193,7 +208,10 @@ def _track(p: Plan, leg: int, z: Measured) -> tuple[int, int, int, float, float]
 
 @jit
 def _hold(s: State, request: int, z: Measured) -> State:
-    """The next hold state: taken on request, the heading once the wings are level, dropped when the request ends."""
+    """The next hold:
+
+    taken on request, the heading once the wings are level, dropped when the request ends.
+    """
     if request == 0:
         return State(s.row, s.leg, FREE, 0.0, 0.0)
     if s.hold == FREE:
@@ -205,9 +223,9 @@ def _hold(s: State, request: int, z: Measured) -> State:
 
 @jit
 def step(p: Plan, s: State, z: Measured, t: float, request: int) -> tuple[State, Reference]:
-    """One control instant at time t (s): the Reference, with request = core.Request.HOLD_LEVEL taken into account.
+    """One control instant at time t (s): the Reference, with a core.Request taken into account.
 
-    Same in, same out; t must not decrease between steps. While a hold lasts the track goes on counting its legs.
+    t must not decrease between steps. While a hold lasts the track goes on counting its legs.
     """
     row = _row(p, s.row, t)
     airspeed, altitude = _between(p, p.airspeed, row, t), _between(p, p.altitude, row, t)

@@ -1,10 +1,10 @@
-"""The records that cross between the loop, the guidance and every controller: Measured, Reference, LATERAL modes."""
+"""The records between the loop, the guidance and every controller: Measured, Reference, lateral modes."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-# What `Reference.lateral` may be. A controller without its own path logic flies TRACK as BANK: `bank` is always filled.
+# What `Reference.lateral` may be. A controller without its own path logic flies TRACK as BANK.
 BANK, HEADING, COURSE, TRACK = 0, 1, 2, 3
 
 
@@ -12,8 +12,8 @@ class Measured(NamedTuple):
     """What the autopilot's sensors say at one control instant; SI and rad, body axes forward-right-down, NED.
 
     p, q, r: rad/s. phi, theta, psi: rad. airspeed: m/s. alpha, beta: rad. altitude: m. climb_rate: m/s.
-    north, east: m. velocity_north, velocity_east: m/s over ground. A controller reads only what its aircraft has;
-    the others may be anything finite.
+    north, east: m. velocity_north, velocity_east: m/s over ground. A controller reads only what its aircraft
+    has; the others may be anything finite.
     """
 
     p: float
@@ -36,9 +36,10 @@ class Measured(NamedTuple):
 class Reference(NamedTuple):
     """What the guidance asks of a controller at one control instant.
 
-    airspeed: m/s. altitude: m. lateral: BANK, HEADING, COURSE or TRACK. bank: rad, to be flown in BANK and (by a
-    controller without its own path logic) in TRACK. course: rad, the heading (HEADING) or course over ground (COURSE).
-    from_, to_, next_north/east: m, the active leg runs from -> to, the one after it to -> next (TRACK only, else 0).
+    airspeed: m/s. altitude: m. lateral: BANK, HEADING, COURSE or TRACK. bank: rad, to be flown in BANK and
+    (by a controller without its own path logic) in TRACK. course: rad, the heading (HEADING) or course over
+    ground (COURSE, TRACK). from_, to_, next_north/east: m, the active leg runs from -> to, the one after it
+    to -> next (TRACK only, else 0).
     """
 
     airspeed: float
