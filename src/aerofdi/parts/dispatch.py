@@ -1,8 +1,8 @@
-"""One name, several implementations, chosen by the type of the parameters; compiles, caches on disk, runs plain.
+"""One name, several implementations, chosen by the type of the parameters; compiles, caches, runs plain.
 
-Numba cannot cache a function that takes functions as arguments. It can cache one that is chosen by the type of a
-NamedTuple, so that a single compiled loop serves every kind of aerodynamics, propulsion or autopilot, and only the
-kinds in use are compiled.
+Numba cannot cache a function that takes functions as arguments. It can cache one that is chosen by the type of
+a NamedTuple, so that a single compiled loop serves every kind of aerodynamics, propulsion or autopilot, and
+only the kinds in use are compiled.
 """
 
 from __future__ import annotations
@@ -18,16 +18,19 @@ __all__ = ["ByType", "by_type"]
 class ByType(Protocol):
     """A callable `f(params, *rest)` with `f.register(params_type)` as a decorator for implementations."""
 
+    registered: dict[type, Any]
+
     def __call__(self, params: Any, *rest: Any) -> Any: ...
 
     def register(self, params_type: type) -> Callable[[Any], Any]: ...
 
 
 def by_type(name: str) -> Any:
-    """A function `f(params, *rest)` that calls the implementation registered for type(params), a NamedTuple class.
+    """A function `f(params, *rest)` that calls what is registered for type(params), a NamedTuple class.
 
-    Callable from plain Python and from inside `@jit` functions alike; compiled callers are specialised to the type
-    and stay cacheable. An implementation must itself be a `@jit` function and be registered at import time.
+    Callable from plain Python and from inside `@jit` functions alike; compiled callers are specialised to the
+    type and stay cacheable. An implementation must itself be a `@jit` function and be registered before the
+    first call.
 
     >>> from typing import NamedTuple
     >>> from aerofdi.parts.ops import jit
@@ -59,6 +62,7 @@ def by_type(name: str) -> Any:
 
     choose.__name__ = choose.__qualname__ = name
     choose.register = register  # type: ignore[attr-defined]
+    choose.registered = table  # type: ignore[attr-defined]
     if COMPILED:
         from numba.extending import overload
 

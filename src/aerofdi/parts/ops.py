@@ -43,10 +43,16 @@ except ImportError:
 
 
 def jit(function: F) -> F:
-    """Compile with Numba and cache on disk; without Numba return the function as it is."""
+    """Compile with Numba and cache on disk (see `parts.cache`); without Numba return the function as it is.
+
+    Compiled calls release the interpreter, so that threads run them side by side.
+    """
     if not COMPILED:
         return function
-    return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+    from .cache import cache_on_disk
+
+    compiled: F = cache_on_disk(numba.njit(error_model="numpy", nogil=True)(function))
+    return compiled
 
 
 @jit
