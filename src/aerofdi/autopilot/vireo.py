@@ -12,6 +12,7 @@ Not in the source, designed here (gains marked assumed):
 
     theta_ref = (k_h + k_ih/s) (h_ref - h) - k_hd h' + k_turn (1/cos(phi) - 1)
     de        = (k_theta + k_itheta/s) (theta - theta_ref) + 0.05 (q - g tan(phi) sin(phi) / V)
+                + k_de (1/cos(phi) - 1)
     throttle  = (k_v + k_iv/s) (V_ref - V)
     phi_cmd   = k_course (course_ref - course), limited
 
@@ -50,6 +51,7 @@ class Gains(NamedTuple):
     altitude_ki: float
     climb_kp: float
     turn_pitch: float
+    turn_elevator: float
     airspeed_kp: float
     airspeed_ki: float
     course_kp: float
@@ -73,6 +75,7 @@ UNITS = {
     "altitude_ki": "rad/(m s)",
     "climb_kp": "rad/(m/s)",
     "turn_pitch": "rad",
+    "turn_elevator": "rad",
     "airspeed_kp": "1/(m/s)",
     "airspeed_ki": "1/m",
     "course_kp": "rad/rad",
@@ -115,9 +118,8 @@ def init(gains: Gains, trim: Command, z: Measured) -> State:
     """
     de = 0.5 * (trim.elevon_left + trim.elevon_right)
     da = 0.5 * (trim.elevon_right - trim.elevon_left)
-    damper = gains.pitch_rate_kp * (z.q - turn_pitch_rate(z.phi, z.airspeed))
     pitch = z.theta - gains.turn_pitch * load_rise(z.phi) + gains.climb_kp * z.climb_rate
-    return State(z.phi, z.theta, da - gains.roll_rate_kp * z.p, de - damper, pitch, trim.throttle)
+    return State(z.phi, z.theta, da - gains.roll_rate_kp * z.p, de - _pitch_feed(gains, z), pitch, trim.throttle)
 
 
 @jit
@@ -140,14 +142,22 @@ def _pitch_reference(
 
 
 @jit
+def _pitch_feed(g: Gains, z: Measured) -> float:
+    """K_PD on the pitch rate beyond that of the turn, and the elevator the turn needs, rad."""
+    damper = g.pitch_rate_kp * (z.q - turn_pitch_rate(z.phi, z.airspeed))
+    return damper + g.turn_elevator * load_rise(z.phi)
+
+
+@jit
 def step(g: Gains, s: State, ref: Reference, z: Measured, dt: float) -> tuple[State, Command]:
     """One control step of dt seconds: (next state, commands within their limits)."""
     phi_cmd = bank_reference(g.course_kp, g.bank_max, ref, z)
     ih, theta_ref = _pitch_reference(g, s.altitude_integral, ref, z, dt)
     # K_PD and the pitch loop; both are positive because trailing edge down pitches down.
     lo, hi = g.elevon_min + g.roll_reserve, g.elevon_max - g.roll_reserve
-    damper = g.pitch_rate_kp * (z.q - turn_pitch_rate(z.phi, z.airspeed))
-    it, de = pi_control(g.pitch_kp, g.pitch_ki, s.pitch_integral, z.theta - theta_ref, damper, lo, hi, dt)
+    it, de = pi_control(
+        g.pitch_kp, g.pitch_ki, s.pitch_integral, z.theta - theta_ref, _pitch_feed(g, z), lo, hi, dt
+    )
     # K_A, within what the elevator leaves of both elevons
     room = minimum(g.elevon_max - de, de - g.elevon_min)
     ir, da = pi_control(
