@@ -16,10 +16,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..core.types import Array
 from ..parts.dispatch import by_type
-from ..parts.ops import atan2, cos, exp, jit, maximum, sign, sin, sqrt
-from .types import Coefficients, State, Wind
+from ..parts.ops import atan2, cos, exp, inline, maximum, sign, sin, sqrt
+from .types import Coefficients, State, Surfaces, Wind
 
 TINY_AIRSPEED = 1e-3
 
@@ -70,32 +69,39 @@ class Derivatives(NamedTuple):
 class DerivativeAero(NamedTuple):
     """Parameters of the kind "derivatives".
 
-    clean: coefficients without ice. ice: factor K of each. control: (6, n) rows CD, CY, CL, Cl, Cm, Cn, a column
-    per surface, per rad. control_ice: (6, n) K times control. CD_induced, CL_min_drag: the polar.
+    clean: coefficients without ice. ice: factor K of each. CD_induced, CL_min_drag: the polar.
     stall_rate, stall_alpha: M (0 for no blend) and alpha_0 in rad.
     """
 
     clean: Derivatives
     ice: Derivatives
-    control: Array
-    control_ice: Array
     CD_induced: float
     CL_min_drag: float
     stall_rate: float
     stall_alpha: float
 
 
+class ControlDerivatives(NamedTuple):
+    """clean: six rows CD, CY, CL, Cl, Cm, Cn of N_SURFACES derivatives, per rad. ice: K times clean, entry by entry.
+
+    Tuples, not arrays: an array inside a tuple costs reference counting at every use.
+    """
+
+    clean: tuple[Surfaces, Surfaces, Surfaces, Surfaces, Surfaces, Surfaces]
+    ice: tuple[Surfaces, Surfaces, Surfaces, Surfaces, Surfaces, Surfaces]
+
+
 coefficients = by_type("coefficients")
-"""coefficients(aero, air_data, inputs, p_hat, q_hat, r_hat, eta) -> Coefficients, by the kind of aerodynamics."""
+"""coefficients(aero, ice, air_data, inputs, p_hat, q_hat, r_hat) -> Coefficients, by the kind of aerodynamics."""
 
 aero_inputs = by_type("aero_inputs")
-"""aero_inputs(aero, surfaces, eta) -> 6 floats, linear in the deflections but for |d|, by the kind."""
+"""aero_inputs(control, surfaces, eta) -> six floats gathered from the deflections, by the kind of control."""
 
 iced = by_type("iced")
 """iced(aero, eta) -> the parameters with ice of severity eta, to be used in place of aero."""
 
 
-@jit
+@inline
 def air_data(x: State, wind: Wind, wind_u: float, wind_v: float, wind_w: float) -> AirData:
     """Air data for a state, the turbulence in `wind` and the steady wind already turned into body axes."""
     u = x.u - wind_u - wind.u
@@ -109,7 +115,7 @@ def air_data(x: State, wind: Wind, wind_u: float, wind_v: float, wind_w: float) 
     )
 
 
-@jit
+@inline
 def stall_blend(rate: float, alpha_0: float, alpha: float) -> float:
     """Share of the flat plate in the lift, 0 to 1; Beard & McLain (4.10)."""
     a = exp(-rate * (alpha - alpha_0))
@@ -118,7 +124,7 @@ def stall_blend(rate: float, alpha_0: float, alpha: float) -> float:
 
 
 @iced.register(DerivativeAero)
-@jit
+@inline
 def iced_derivatives(aero: DerivativeAero, eta: float) -> Derivatives:
     """Every coefficient C times 1 + eta K_C; unknown_input (30) in its corrected form."""
     c, k = aero.clean, aero.ice
@@ -149,25 +155,33 @@ def iced_derivatives(aero: DerivativeAero, eta: float) -> Derivatives:
     )
 
 
-@aero_inputs.register(DerivativeAero)
-@jit
-def derivative_inputs(aero: DerivativeAero, surfaces: Array, eta: float) -> Coefficients:
+@inline
+def dot(c: Surfaces, d: Surfaces) -> float:
+    """Sum of products over the N_SURFACES places."""
+    return (
+        c[0] * d[0] + c[1] * d[1] + c[2] * d[2] + c[3] * d[3]
+        + c[4] * d[4] + c[5] * d[5] + c[6] * d[6] + c[7] * d[7]
+    )  # fmt: skip
+
+
+@aero_inputs.register(ControlDerivatives)
+@inline
+def derivative_inputs(control: ControlDerivatives, d: Surfaces, eta: float) -> Coefficients:
     """Sum over the surfaces of their control derivatives times deflection (|deflection| for drag)."""
-    CD = CY = CL = Cl = Cm = Cn = 0.0
-    c, k = aero.control, aero.control_ice
-    for i in range(c.shape[1]):
-        d = surfaces[i]
-        CD += (c[0, i] + eta * k[0, i]) * abs(d)
-        CY += (c[1, i] + eta * k[1, i]) * d
-        CL += (c[2, i] + eta * k[2, i]) * d
-        Cl += (c[3, i] + eta * k[3, i]) * d
-        Cm += (c[4, i] + eta * k[4, i]) * d
-        Cn += (c[5, i] + eta * k[5, i]) * d
-    return Coefficients(CD, CY, CL, Cl, Cm, Cn)
+    c, k = control.clean, control.ice
+    size = (abs(d[0]), abs(d[1]), abs(d[2]), abs(d[3]), abs(d[4]), abs(d[5]), abs(d[6]), abs(d[7]))
+    return Coefficients(
+        dot(c[0], size) + eta * dot(k[0], size),
+        dot(c[1], d) + eta * dot(k[1], d),
+        dot(c[2], d) + eta * dot(k[2], d),
+        dot(c[3], d) + eta * dot(k[3], d),
+        dot(c[4], d) + eta * dot(k[4], d),
+        dot(c[5], d) + eta * dot(k[5], d),
+    )
 
 
 @coefficients.register(DerivativeAero)
-@jit
+@inline
 def derivative_coefficients(
     aero: DerivativeAero, c: Any, air: AirData, d: Any, p_hat: float, q_hat: float, r_hat: float
 ) -> Coefficients:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..parts.ops import exp, jit, log, maximum
+from ..parts.ops import exp, inline, log, maximum
 
 # ISO 2533 sea level and troposphere: T0 288.15 K, 6.5 K/km, p0 101325 Pa, R 287.05287, g0 9.80665.
 ISA_DENSITY = 1.225
@@ -23,7 +23,7 @@ class Air(NamedTuple):
     gravity: float
 
 
-@jit
+@inline
 def density(air: Air, altitude: float) -> float:
     """Air density at an altitude in m, kg/m3. Valid in the troposphere (below 11 km).
 
@@ -35,7 +35,7 @@ def density(air: Air, altitude: float) -> float:
     return air.density0 * exp(air.exponent * log(maximum(1.0 - air.lapse * altitude, 0.05)))
 
 
-@jit
+@inline
 def pressure(altitude: float) -> float:
     """Standard static pressure at an altitude in m, Pa. Valid in the troposphere.
 

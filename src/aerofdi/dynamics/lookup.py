@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from ..core.types import Array
-from ..parts.ops import clip, jit
+from ..parts.ops import clip, inline
 
 
-@jit
+@inline
 def locate(axis: Array, x: float) -> tuple[int, float]:
     """Cell i and fraction f with x = axis[i] + f (axis[i+1] - axis[i]); f leaves [0, 1] outside the axis.
 
@@ -22,21 +22,21 @@ def locate(axis: Array, x: float) -> tuple[int, float]:
     return lo, (x - axis[lo]) / (axis[lo + 1] - axis[lo])
 
 
-@jit
+@inline
 def held(axis: Array, x: float) -> tuple[int, float]:
     """As `locate`, with f held within [0, 1]."""
     i, f = locate(axis, x)
     return i, clip(f, 0.0, 1.0)
 
 
-@jit
+@inline
 def linear(axis: Array, table: Array, x: float) -> float:
     """Table (n,) at x, edges held."""
     i, f = held(axis, x)
     return table[i] + f * (table[i + 1] - table[i])
 
 
-@jit
+@inline
 def bilinear(rows: Array, columns: Array, table: Array, x: float, y: float) -> float:
     """Table (n, k) at (x, y), edges held."""
     i, f = held(rows, x)

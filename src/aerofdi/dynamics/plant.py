@@ -2,7 +2,7 @@
 
     params    PlantParams from `build.plant_params(aircraft)`; its type decides which aerodynamics and propulsion run
     x         State, 15 floats
-    surfaces  (n,) array, true deflections in rad in the order of `aircraft.surfaces`, after actuators and faults
+    surfaces  8 floats, true deflections in rad in the order of `aircraft.surfaces` (rest 0), after actuators and faults
     throttle  0 to 1, after faults
     wind      Wind (north-east-down part, body-axes turbulence, its rotation)
     effects   Effects (wing lift and drag factors, icing severity, thrust factor)
@@ -21,8 +21,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..core.types import Array
-from ..parts.ops import atan2, jit, maximum, sqrt
+from ..parts.ops import atan2, inline, jit, maximum, sqrt, where
 from .aero import AirData, aero_inputs, air_data, coefficients, iced
 from .atmosphere import Air, density
 from .propulsion import propulsion
@@ -34,7 +33,7 @@ from .rigid_body import (
     to_body,
     to_ned,
 )
-from .types import Coefficients, Effects, Outputs, State, Wind
+from .types import Coefficients, Effects, Outputs, State, Surfaces, Wind
 
 
 class MassProperties(NamedTuple):
@@ -72,14 +71,21 @@ class Wing(NamedTuple):
     hub_z: float
 
 
-class PlantParams(NamedTuple):
-    """Everything the plant needs; aero and propulsion are NamedTuples of the kinds in aero, tables, propulsion."""
+class Body(NamedTuple):
+    """What the equations of motion need, all of it scalars unless a kind brings tables."""
 
     air: Air
     mass: MassProperties
     wing: Wing
     aero: Any
     propulsion: Any
+
+
+class PlantParams(NamedTuple):
+    """Everything the plant needs; control, aero, propulsion are NamedTuples of the kinds in aero, tables, propulsion."""
+
+    control: Any
+    body: Body
 
 
 class Load(NamedTuple):
@@ -93,7 +99,7 @@ class Load(NamedTuple):
     N: float
 
 
-@jit
+@inline
 def _aerodynamic_load(
     wing: Wing, C: Coefficients, a: AirData, qbar: float, effects: Effects, arm_x: float, arm_z: float
 ) -> Load:
@@ -129,9 +135,9 @@ def _aerodynamic_load(
     )
 
 
-@jit
+@inline
 def _rates(
-    params: PlantParams,
+    body: Body,
     ice: Any,
     x: State,
     inputs: Any,
@@ -140,19 +146,19 @@ def _rates(
     effects: Effects,
 ) -> State:
     """The derivative for aerodynamic inputs already gathered from the surfaces."""
-    wing, mp, air = params.wing, params.mass, params.air
+    wing, mp, air = body.wing, body.mass, body.air
     e0, e1, e2, e3 = x.e0, x.e1, x.e2, x.e3
     wu, wv, ww = to_body(e0, e1, e2, e3, wind.north, wind.east, wind.down)
     a = air_data(x, wind, wu, wv, ww)
     rho = density(air, -x.down)
     half = 0.5 / a.V
     p_hat, q_hat, r_hat = a.p * wing.span * half, a.q * wing.chord * half, a.r * wing.span * half
-    C = coefficients(params.aero, ice, a, inputs, p_hat, q_hat, r_hat)
+    C = coefficients(body.aero, ice, a, inputs, p_hat, q_hat, r_hat)
     m = mp.mass + x.fuel
     cg_x, cg_z = mp.cg_x + mp.cg_x_slope * x.fuel, mp.cg_z + mp.cg_z_slope * x.fuel
     qbar = 0.5 * rho * a.V * a.V
     F = _aerodynamic_load(wing, C, a, qbar, effects, cg_x - wing.ref_x, cg_z - wing.ref_z)
-    T = propulsion(params.propulsion, a.V, rho, -x.down, throttle, x.engine, x.fuel)
+    T = propulsion(body.propulsion, a.V, rho, -x.down, throttle, x.engine, x.fuel)
     thrust = T.thrust * effects.thrust
     gx, gy, gz = to_body(e0, e1, e2, e3, 0.0, 0.0, air.gravity)
     u_dot = (F.X + thrust) / m + gx + x.r * x.v - x.q * x.w
@@ -193,15 +199,15 @@ def _rates(
 
 @jit
 def derivative(
-    params: PlantParams, x: State, surfaces: Array, throttle: float, wind: Wind, effects: Effects
+    params: PlantParams, x: State, surfaces: Surfaces, throttle: float, wind: Wind, effects: Effects
 ) -> State:
     """Time derivative of the state, same layout as the state. See the top of this file for the arguments."""
-    ice = iced(params.aero, effects.icing)
-    inputs = aero_inputs(params.aero, surfaces, effects.icing)
-    return _rates(params, ice, x, inputs, throttle, wind, effects)
+    ice = iced(params.body.aero, effects.icing)
+    inputs = aero_inputs(params.control, surfaces, effects.icing)
+    return _rates(params.body, ice, x, inputs, throttle, wind, effects)
 
 
-@jit
+@inline
 def _along(x: State, k: State, h: float) -> State:
     """x + h k."""
     return State(
@@ -213,11 +219,22 @@ def _along(x: State, k: State, h: float) -> State:
     )  # fmt: skip
 
 
-@jit
-def _combine(x: State, k1: State, k2: State, k3: State, k4: State, dt: float) -> State:
-    """x + dt (k1 + 2 k2 + 2 k3 + k4)/6 with the quaternion set back to length one and no negative fuel."""
-    h = dt / 6.0
-    y = _along(_along(_along(_along(x, k1, h), k2, 2.0 * h), k3, 2.0 * h), k4, h)
+@inline
+def _between(a: Coefficients, b: Coefficients, f: float) -> Coefficients:
+    """a + f (b - a)."""
+    return Coefficients(
+        a.CD + f * (b.CD - a.CD),
+        a.CY + f * (b.CY - a.CY),
+        a.CL + f * (b.CL - a.CL),
+        a.Cl + f * (b.Cl - a.Cl),
+        a.Cm + f * (b.Cm - a.Cm),
+        a.Cn + f * (b.Cn - a.Cn),
+    )
+
+
+@inline
+def _settled(y: State) -> State:
+    """The quaternion set back to length one and no negative fuel."""
     s = 1.0 / sqrt(y.e0 * y.e0 + y.e1 * y.e1 + y.e2 * y.e2 + y.e3 * y.e3)
     return State(
         y.north, y.east, y.down,
@@ -233,9 +250,9 @@ def rk4_step(
     params: PlantParams,
     x: State,
     k1: State,
-    surfaces: Array,
+    surfaces: Surfaces,
     throttle: float,
-    surfaces_next: Array,
+    surfaces_next: Surfaces,
     throttle_next: float,
     wind: Wind,
     effects: Effects,
@@ -247,27 +264,23 @@ def rk4_step(
     values now to their values at the end of the step; wind and effects are held.
     """
     eta = effects.icing
-    ice = iced(params.aero, eta)
-    start = aero_inputs(params.aero, surfaces, eta)
-    end = aero_inputs(params.aero, surfaces_next, eta)
-    middle = Coefficients(
-        0.5 * (start.CD + end.CD),
-        0.5 * (start.CY + end.CY),
-        0.5 * (start.CL + end.CL),
-        0.5 * (start.Cl + end.Cl),
-        0.5 * (start.Cm + end.Cm),
-        0.5 * (start.Cn + end.Cn),
-    )
-    mean = 0.5 * (throttle + throttle_next)
-    k2 = _rates(params, ice, _along(x, k1, 0.5 * dt), middle, mean, wind, effects)
-    k3 = _rates(params, ice, _along(x, k2, 0.5 * dt), middle, mean, wind, effects)
-    k4 = _rates(params, ice, _along(x, k3, dt), end, throttle_next, wind, effects)
-    return _combine(x, k1, k2, k3, k4, dt)
+    ice = iced(params.body.aero, eta)
+    start = aero_inputs(params.control, surfaces, eta)
+    end = aero_inputs(params.control, surfaces_next, eta)
+    k = total = k1
+    # A loop over the last three stages compiles the equations of motion once, not three times.
+    for stage in range(3):
+        f = where(stage == 2, 1.0, 0.5)
+        y = _along(x, k, f * dt)
+        inputs = _between(start, end, f)
+        k = _rates(params.body, ice, y, inputs, throttle + f * (throttle_next - throttle), wind, effects)
+        total = _along(total, k, where(stage == 2, 1.0, 2.0))
+    return _settled(_along(x, total, dt / 6.0))
 
 
 @jit
 def step(
-    params: PlantParams, x: State, surfaces: Array, throttle: float, wind: Wind, effects: Effects, dt: float
+    params: PlantParams, x: State, surfaces: Surfaces, throttle: float, wind: Wind, effects: Effects, dt: float
 ) -> State:
     """The state dt later with everything held; `rk4_step` with its first stage included."""
     k1 = derivative(params, x, surfaces, throttle, wind, effects)
@@ -280,9 +293,9 @@ def outputs(params: PlantParams, x: State, k: State, wind: Wind) -> Outputs:
     e0, e1, e2, e3 = x.e0, x.e1, x.e2, x.e3
     wu, wv, ww = to_body(e0, e1, e2, e3, wind.north, wind.east, wind.down)
     a = air_data(x, wind, wu, wv, ww)
-    rho = density(params.air, -x.down)
+    rho = density(params.body.air, -x.down)
     phi, theta, psi = euler(e0, e1, e2, e3)
-    gx, gy, gz = to_body(e0, e1, e2, e3, 0.0, 0.0, params.air.gravity)
+    gx, gy, gz = to_body(e0, e1, e2, e3, 0.0, 0.0, params.body.air.gravity)
     vn, ve, vd = to_ned(e0, e1, e2, e3, x.u, x.v, x.w)
     return Outputs(
         a.V, a.alpha, a.beta,
@@ -300,6 +313,6 @@ def thrust(params: PlantParams, x: State, throttle: float, wind: Wind, effects: 
     """Thrust along body x, N."""
     wu, wv, ww = to_body(x.e0, x.e1, x.e2, x.e3, wind.north, wind.east, wind.down)
     a = air_data(x, wind, wu, wv, ww)
-    rho = density(params.air, -x.down)
-    T = propulsion(params.propulsion, a.V, rho, -x.down, throttle, x.engine, x.fuel)
+    rho = density(params.body.air, -x.down)
+    T = propulsion(params.body.propulsion, a.V, rho, -x.down, throttle, x.engine, x.fuel)
     return T.thrust * effects.thrust

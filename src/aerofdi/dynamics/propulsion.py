@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from ..core.types import Array
 from ..parts.dispatch import by_type
-from ..parts.ops import clip, exp, jit, log, maximum, pi, where
+from ..parts.ops import clip, exp, inline, log, maximum, pi, where
 from .atmosphere import pressure
 from .lookup import bilinear, linear
 
@@ -103,7 +103,7 @@ propulsion = by_type("propulsion")
 
 
 @propulsion.register(ThrustLaw)
-@jit
+@inline
 def thrust_law(
     prop: ThrustLaw, V: float, rho: float, altitude: float, throttle: float, engine: float, fuel: float
 ) -> Thrust:
@@ -114,7 +114,7 @@ def thrust_law(
 
 
 @propulsion.register(ActuatorDisc)
-@jit
+@inline
 def actuator_disc(
     prop: ActuatorDisc, V: float, rho: float, altitude: float, throttle: float, engine: float, fuel: float
 ) -> Thrust:
@@ -125,7 +125,7 @@ def actuator_disc(
 
 
 @propulsion.register(PropellerSpeed)
-@jit
+@inline
 def propeller_speed(
     prop: PropellerSpeed, V: float, rho: float, altitude: float, throttle: float, engine: float, fuel: float
 ) -> Thrust:
@@ -138,13 +138,13 @@ def propeller_speed(
     return Thrust(T, 0.0, 0.0, (throttle * prop.max_speed - engine) / prop.time_constant, 0.0)
 
 
-@jit
+@inline
 def _quartic(c: Any, x: float) -> float:
     return c[0] + (c[1] + (c[2] + (c[3] + c[4] * x) * x) * x) * x
 
 
 @propulsion.register(PropellerPower)
-@jit
+@inline
 def propeller_power(
     prop: PropellerPower, V: float, rho: float, altitude: float, throttle: float, engine: float, fuel: float
 ) -> Thrust:
@@ -167,7 +167,7 @@ def propeller_power(
 
 
 @propulsion.register(EngineMap)
-@jit
+@inline
 def engine_map(
     prop: EngineMap, V: float, rho: float, altitude: float, throttle: float, engine: float, fuel: float
 ) -> Thrust:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..parts.ops import atan2, clip, cos, jit, sin, sqrt
+from ..parts.ops import atan2, clip, cos, inline, sin, sqrt
 
 
 class Inertia(NamedTuple):
@@ -19,7 +19,7 @@ class Inertia(NamedTuple):
     Jxz: float
 
 
-@jit
+@inline
 def quaternion(phi: float, theta: float, psi: float) -> tuple[float, float, float, float]:
     """Unit quaternion of the Euler angles yaw-pitch-roll.
 
@@ -37,7 +37,7 @@ def quaternion(phi: float, theta: float, psi: float) -> tuple[float, float, floa
     )
 
 
-@jit
+@inline
 def euler(e0: float, e1: float, e2: float, e3: float) -> tuple[float, float, float]:
     """phi, theta, psi of a quaternion whose length need not be exactly one."""
     s = 1.0 / sqrt(e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3)
@@ -50,7 +50,7 @@ def euler(e0: float, e1: float, e2: float, e3: float) -> tuple[float, float, flo
     return phi, theta, psi
 
 
-@jit
+@inline
 def to_ned(
     e0: float, e1: float, e2: float, e3: float, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
@@ -68,7 +68,7 @@ def to_ned(
     )
 
 
-@jit
+@inline
 def to_body(
     e0: float, e1: float, e2: float, e3: float, n: float, e: float, d: float
 ) -> tuple[float, float, float]:
@@ -76,7 +76,7 @@ def to_body(
     return to_ned(e0, -e1, -e2, -e3, n, e, d)
 
 
-@jit
+@inline
 def quaternion_rate(
     e0: float, e1: float, e2: float, e3: float, p: float, q: float, r: float
 ) -> tuple[float, float, float, float]:
@@ -89,7 +89,7 @@ def quaternion_rate(
     )
 
 
-@jit
+@inline
 def angular_acceleration(
     J: Inertia, h: float, p: float, q: float, r: float, L: float, M: float, N: float
 ) -> tuple[float, float, float]:

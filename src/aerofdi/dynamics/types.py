@@ -5,6 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
+N_SURFACES = 8
+"""Places for surfaces in every plant; an aircraft with fewer leaves the rest at zero."""
+
+Surfaces = tuple[float, float, float, float, float, float, float, float]
+"""True deflections in rad, in the order of `aircraft.surfaces`, filled up with zeros."""
+
+
 class State(NamedTuple):
     """The plant's 15 states; the time derivative has the same layout.
 

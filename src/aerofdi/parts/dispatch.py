@@ -1,6 +1,6 @@
 """One name, several implementations, chosen by the type of the parameters; compiles, caches, runs plain.
 
-Numba cannot cache a function that takes functions as arguments. It can cache one that is chosen by the type of
+Numba cannot cache a function that takes functions as arguments. It can cache one chosen by the type of
 a NamedTuple, so that a single compiled loop serves every kind of aerodynamics, propulsion or autopilot, and
 only the kinds in use are compiled.
 """
@@ -67,7 +67,7 @@ def by_type(name: str) -> Any:
         from numba.extending import overload
 
         # strict=False: the stub's parameter names differ from the implementations', which is the point.
-        @overload(choose, strict=False)
+        @overload(choose, strict=False, jit_options={"forceinline": True})
         def _choose(params: Any, *rest: Any) -> Any:
             implementation = table.get(getattr(params, "instance_class", None))  # type: ignore[arg-type]
             if implementation is None:

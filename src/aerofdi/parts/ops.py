@@ -18,6 +18,7 @@ __all__ = [
     "cos",
     "exp",
     "floor",
+    "inline",
     "jit",
     "log",
     "maximum",
@@ -52,6 +53,17 @@ def jit(function: F) -> F:
     from .cache import cache_on_disk
 
     compiled: F = cache_on_disk(numba.njit(error_model="numpy", nogil=True)(function))
+    return compiled
+
+
+def inline(function: F) -> F:
+    """As `jit`, and merged into every compiled caller: for small functions that take large tuples, whose copying
+    would cost more than their work. A large function called several times is better left to `jit`."""
+    if not COMPILED:
+        return function
+    from .cache import cache_on_disk
+
+    compiled: F = cache_on_disk(numba.njit(error_model="numpy", nogil=True, forceinline=True)(function))
     return compiled
 
 
