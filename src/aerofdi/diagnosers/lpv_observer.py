@@ -330,7 +330,7 @@ def from_design(
     if mixing.shape != (len(surfaces), 2) or np.shape(servos) != (len(surfaces), 8):
         raise WrongUse(
             f"{name}: {len(surfaces)} surfaces and servos {np.shape(servos)} were given, but the mixing of "
-            f"the design is {mixing.shape}; give one surface and one row of servo numbers per row of the mixing"
+            f"the design is {mixing.shape}; give a surface and a row of servo numbers per row of the mixing"
         )
     bound, (lo, hi) = float(p["rate_bound"]), (float(x) for x in p["airspeed"])
     settings = [

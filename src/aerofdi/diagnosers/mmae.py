@@ -295,7 +295,7 @@ def from_design(design: Design, name: str = "mmae") -> Diagnoser:
     half: back to the prior probabilities). Hypotheses: healthy, then one surface stuck each, estimate in rad
     about neutral. Residuals: RES_i of (13), or 1/2 r' P^-1 r for the textbook rule.
 
-    Guarantee: any model at the floor returns to one half after a sum of evidence of log(1/(2 floor)) at most,
+    Guarantee: any model at the floor returns to one half after at most log(1/floor) more evidence than the others have,
     whatever happened before. Not modelled: two faults at once, partly effective surfaces, other modes.
 
     Source: paper "vireo_comparison", section 3.3.
