@@ -1,6 +1,6 @@
 """Compiled code on disk that knows everything it was compiled from.
 
-Numba keeps compiled code next to its source file and drops it when that one file changes. A loop compiled into
+Numba keeps compiled code next to its source and drops it when that one file changes. A loop compiled into
 one piece with functions of other files would then go on running their old code. Here the stamp of a function
 covers every file of its package that it can reach: the modules of all names its module holds, and of all
 implementations registered with `parts.dispatch.by_type`, transitively.
