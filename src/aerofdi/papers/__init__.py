@@ -58,7 +58,8 @@ def reproduce(
     under a minute, the same claims. progress(text, share): called now and then, share from 0 to 1.
 
     Returns {"paper", "quick", "seconds", "claims": [{"id", "where", "claim", "paper", "ours", "ci", "unit",
-    "tolerance", "status", "reason"}], "tables": {...}}; status is reproduced, not_reproduced or not_reproducible.
+    "tolerance", "status", "reason"}], "tables": {...}}; status is reproduced, not_reproduced or
+    not_reproducible.
     """
     expected = load_expected(folder(name) / "expected.csv")
     if item is not None and item not in items(name):
