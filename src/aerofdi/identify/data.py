@@ -1,0 +1,198 @@
+"""Flights -> the arrays a fit needs: rates, group commands, airspeed ratio, each training span on its own."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..aircraft.identified import SurfaceGroup
+from ..core.bind import bind, default_max_age, fresh
+from ..core.errors import CannotJudge, MissingChannel
+from ..core.types import Array, Channels, Flight
+
+RATES = ("p", "q", "r")
+AIR = ("alpha", "beta")
+FASTEST_DT_S = 0.02
+COLLINEAR = 0.99
+AIRSPEED_LAG_S = 1.0
+
+
+class Segment(NamedTuple):
+    """One unbroken stretch of training: t (n,), rates (n, 3), commands (n, ng), air (n, na), speed (n,) = V/V0."""
+
+    t: Array
+    rates: Array
+    commands: Array
+    air: Array
+    speed: Array
+
+
+class Training(NamedTuple):
+    """dt_s, the groups, which rates and air angles are there, mean airspeed (NaN if none), the segments."""
+
+    dt_s: float
+    groups: tuple[SurfaceGroup, ...]
+    rates: tuple[str, ...]
+    air: tuple[str, ...]
+    airspeed: float
+    segments: tuple[Segment, ...]
+
+    @property
+    def duration_s(self) -> float:
+        return sum(len(s.t) for s in self.segments) * self.dt_s
+
+
+Spans = list[tuple[Flight, float, float]]
+
+
+def command_channels(flight: Flight) -> tuple[str, ...]:
+    """The surface commands of a flight, sorted; throttle and flap are not judged."""
+    skip = ("command.throttle", "command.flap", "command.flap_left", "command.flap_right")
+    return tuple(sorted(n for n in flight.measured if n.startswith("command.") and n not in skip))
+
+
+def sample_period(flight: Flight) -> float:
+    """The period at which rates bring news, not below 0.02 s."""
+    periods = [fresh(flight.measured[r]).period_s for r in RATES if r in flight.measured]
+    periods = [x for x in periods if math.isfinite(x)]
+    if not periods:
+        raise MissingChannel(
+            f"angular rates (p, q, r) are needed to identify an aircraft, but {flight.name} has "
+            f"{', '.join(sorted(flight.measured)) or 'no channels'}; map them in [channels] of the profile"
+        )
+    return max(FASTEST_DT_S, round(max(periods), 4))
+
+
+def prepare(spans: Spans) -> Training:
+    """Bind every span, group collinear commands, drop stale and non-finite rows, cut at gaps.
+
+    spans: (flight, t0_s, t1_s) of healthy flight. Raises MissingChannel where rates or surface commands are absent,
+    CannotJudge where no command moves or the spans are too short.
+    """
+    flight = spans[0][0]
+    dt = sample_period(flight)
+    commands = command_channels(flight)
+    if not commands:
+        raise MissingChannel(
+            f"surface commands (command.<surface>) are needed to identify an aircraft, but {flight.name} has "
+            f"{', '.join(sorted(flight.measured))}; map them in [channels] of the profile"
+        )
+    have = flight.measured
+    rates = tuple(r for r in RATES if r in have)
+    air = tuple(a for a in AIR if a in have and _varies(spans, a))
+    speed = ("airspeed",) if "airspeed" in have and _varies(spans, "airspeed") else ()
+    names = rates + commands + air + speed
+    inputs = Channels(
+        names, tuple(have[n].unit for n in names), tuple(default_max_age(flight, n) for n in names)
+    )
+    pieces = [piece for f, t0, t1 in spans for piece in _pieces(f, inputs, dt, t0, t1)]
+    pieces = [(t, z) for t, z in pieces if len(t) * dt >= 3.0]
+    if sum(len(t) for t, _ in pieces) * dt < 10.0:
+        raise CannotJudge(
+            f"{flight.name}: less than 10 s of unbroken healthy data with {', '.join(names)}; "
+            f"give a longer span with --healthy T0:T1"
+        )
+    every = np.concatenate([z for _, z in pieces])
+    first = len(rates)
+    groups = group_commands(commands, have[commands[0]].unit, every[:, first : first + len(commands)])
+    v0 = float(np.mean(every[:, -1])) if speed else math.nan
+    segments = tuple(_segment(t, z, len(rates), commands, groups, len(air), v0, dt) for t, z in pieces)
+    return Training(dt, groups, rates, air, v0, segments)
+
+
+def _varies(spans: Spans, name: str) -> bool:
+    """Whether a channel is alive: finite values that are not all one number."""
+    values = np.concatenate([f.measured[name].between(a, b).value for f, a, b in spans if name in f.measured])
+    values = values[np.isfinite(values)]
+    return len(values) > 10 and float(np.ptp(values)) > 1e-6
+
+
+def _pieces(flight: Flight, inputs: Channels, dt: float, t0: float, t1: float) -> list[tuple[Array, Array]]:
+    sample = bind(flight, inputs, dt, t0, t1, who="identify")
+    good = np.isfinite(sample.z).all(axis=1) & (sample.age <= np.asarray(inputs.max_age_s)).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], good.astype(int), [0]))))
+    return [(sample.t_s[i:j], sample.z[i:j]) for i, j in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _segment(
+    t: Array,
+    z: Array,
+    nr: int,
+    commands: tuple[str, ...],
+    groups: tuple[SurfaceGroup, ...],
+    na: int,
+    v0: float,
+    dt: float,
+) -> Segment:
+    u = z[:, nr : nr + len(commands)]
+    delta = np.column_stack(
+        [sum(w * u[:, commands.index(c)] for c, w in zip(g.channels, g.weights, strict=True)) for g in groups]
+    )
+    air = z[:, nr + len(commands) : nr + len(commands) + na]
+    speed = smooth(z[:, -1], dt, AIRSPEED_LAG_S) / v0 if math.isfinite(v0) else np.ones(len(t))
+    return Segment(t, z[:, :nr], delta, air, speed)
+
+
+def smooth(x: Array, dt: float, lag_s: float) -> Array:
+    """First-order lag, exact for held inputs, started at its first value; lag 0 returns x."""
+    if lag_s <= 0 or not len(x):
+        return x
+    from scipy.signal import lfilter
+
+    pole = math.exp(-dt / lag_s)
+    y, _ = lfilter([1.0 - pole], [1.0, -pole], x, zi=[pole * x[0]])
+    return np.asarray(y)
+
+
+def shift(x: Array, dt: float, delay_s: float) -> Array:
+    """Delayed by delay_s, linear between samples, the first value before the start (as `parts.delay_line`)."""
+    n = delay_s / dt
+    whole = math.floor(n)
+    part = n - whole
+    padded = np.concatenate((np.full(whole + 1, x[0]), x))
+    newer, older = padded[1 : len(x) + 1], padded[: len(x)]
+    return newer + part * (older - newer)
+
+
+def group_commands(names: tuple[str, ...], unit: str, u: Array) -> tuple[SurfaceGroup, ...]:
+    """Commands whose correlation in training exceeds 0.99 in size become one group; constant ones are left out."""
+    deviation = u.std(axis=0)
+    scale = float(deviation.max(initial=0.0))
+    moving = [j for j in range(len(names)) if deviation[j] > 1e-3 * scale and deviation[j] > 1e-9]
+    groups: list[list[int]] = []
+    for j in moving:
+        for g in groups:
+            if abs(np.corrcoef(u[:, g[0]], u[:, j])[0, 1]) > COLLINEAR:
+                g.append(j)
+                break
+        else:
+            groups.append([j])
+    return tuple(_make_group([names[j] for j in g], unit, u[:, g]) for g in groups)
+
+
+def _make_group(channels: list[str], unit: str, u: Array) -> SurfaceGroup:
+    signs = [1.0 if np.corrcoef(u[:, 0], u[:, i])[0, 1] >= 0 else -1.0 for i in range(u.shape[1])]
+    weights = tuple(s / len(channels) for s in signs)
+    delta = u @ np.array(weights)
+    reach = 1.0 if unit == "1" else max(math.radians(25.0), 1.2 * float(np.abs(u).max()))
+    return SurfaceGroup(
+        name=group_name([c.removeprefix("command.") for c in channels]),
+        channels=tuple(channels),
+        weights=weights,
+        unit=unit,
+        lower=-reach,
+        upper=reach,
+        mean=float(delta.mean()),
+        deviation=float(delta.std()),
+        identifiable=True,
+    )
+
+
+def group_name(surfaces: list[str]) -> str:
+    """The surface itself, the word its sides share ('aileron' of aileron_left and aileron_right), or 'a+b'."""
+    if len(surfaces) == 1:
+        return surfaces[0]
+    stems = {s.rsplit("_", 1)[0] for s in surfaces}
+    return stems.pop() if len(stems) == 1 else "+".join(sorted(surfaces))

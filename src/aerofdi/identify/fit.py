@@ -1,0 +1,134 @@
+"""`identify`: healthy flight in, an identified aircraft out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ..aircraft.identified import AxisModel, IdentifiedModel
+from ..core.errors import CannotJudge
+from ..core.types import Array
+from . import equation_error as ee
+from . import filter_error as fe
+from .data import Spans, Training, prepare
+
+LAGS_S = (0.0, 0.04, 0.08)
+HELD_OUT = 0.3
+SIGNIFICANT = 3.0
+
+
+def identify(spans: Spans, name: str = "aircraft", progress: Callable[[str], None] | None = None) -> IdentifiedModel:
+    """Fit the rate dynamics of every measured axis from healthy flight.
+
+    spans: (flight, t0_s, t1_s), at least 10 s in all. Stages: equation error over a delay scan; filter error
+    (maximum likelihood with gusts) started there; delay and lag scanned again by its likelihood; solved once more.
+    Returns the model with covariance, R2, held-out R2 and notes on what the data cannot tell.
+
+    Raises MissingChannel (no rates or commands) and CannotJudge (no moving command, too little data).
+    """
+    say = progress or (lambda text: None)
+    training = prepare(spans)
+    if not training.groups:
+        raise CannotJudge(
+            f"{spans[0][0].name}: no surface command moves in the healthy span; "
+            f"give a span flown by the autopilot with --healthy T0:T1"
+        )
+    say("equation error: delay scan")
+    delay, lag, _ = ee.scan(training)
+    axes = range(len(training.rates))
+    say("filter error: gusts and damping")
+    search = [fe.search_axis(fe.columns(training, i, delay, lag), training.dt_s, training.rates[i]) for i in axes]
+    delay, lag = _scan(training, search)
+    say("filter error: final fit")
+    fits = [_refit(training, i, delay, lag) for i in axes]
+    models = tuple(_axis(training, i, fits[i], delay, lag) for i in axes)
+    groups, notes = _judge_groups(training, models)
+    return IdentifiedModel(
+        name=name,
+        dt_s=training.dt_s,
+        delay_s=delay,
+        lag_s=lag,
+        airspeed=training.airspeed,
+        groups=groups,
+        axes=models,
+        trained_s=training.duration_s,
+        envelope=_envelope(training),
+        notes=notes,
+    )
+
+
+def _refit(training: Training, axis: int, delay: float, lag: float) -> fe.AxisFit:
+    c = fe.columns(training, axis, delay, lag)
+    return fe.solve_axis(fe.search_axis(c, training.dt_s, training.rates[axis]), c, training.dt_s)
+
+
+def _scan(training: Training, search: list[Array]) -> tuple[float, float]:
+    """Delay and lag of largest joint likelihood, the noise of each axis held."""
+    best = (math.inf, 0.0, 0.0)
+    step = max(training.dt_s / 2, 0.01)
+    for lag in LAGS_S:
+        for delay in np.arange(0.0, 0.2001 - lag, step):
+            cost = sum(
+                fe.solve_axis(s, fe.columns(training, i, float(delay), lag), training.dt_s).cost
+                for i, s in enumerate(search)
+            )
+            if cost < best[0]:
+                best = (cost, float(delay), lag)
+    return best[1], best[2]
+
+
+def _axis(training: Training, axis: int, fit: fe.AxisFit, delay: float, lag: float) -> AxisModel:
+    names = ee.names(training, axis)
+    value = np.concatenate(([fit.a], fit.theta))
+    covariance = np.zeros((len(value), len(value)))
+    covariance[1:, 1:] = fit.covariance
+    covariance[0, 0] = (0.1 * fit.a) ** 2
+    y, x = ee.stacked(training, axis, delay, lag)
+    least = np.linalg.lstsq(x, y, rcond=None)[0]
+    return AxisModel(
+        rate=training.rates[axis],
+        names=names,
+        value=value,
+        covariance=covariance,
+        noise=fit.noise,
+        innovation_std=fit.innovation_std,
+        r2=fe.simulation_r2(fit, fe.columns(training, axis, delay, lag), training.dt_s),
+        r2_acceleration=ee.explained(y, x, least),
+        r2_held_out=_held_out(training, axis, fit, delay, lag),
+    )
+
+
+def _held_out(training: Training, axis: int, fit: fe.AxisFit, delay: float, lag: float) -> float:
+    """Simulation R2 on the last 30 % of the training with coefficients from the first 70 %."""
+    c = fe.columns(training, axis, delay, lag)
+    cut = int((1.0 - HELD_OUT) * len(c.rate))
+    early = fe.solve_axis(fit.search, fe._Columns(*(v[:cut] for v in c)), training.dt_s)
+    late = fe._Columns(*(v[cut:].copy() for v in c))
+    late.starts[0] = True
+    late.use[: math.ceil(fe.SETTLE_S / training.dt_s)] = False
+    return fe.simulation_r2(early, late, training.dt_s)
+
+
+def _judge_groups(training: Training, axes: tuple[AxisModel, ...]) -> tuple[tuple, tuple[str, ...]]:
+    """Mark groups no axis answers, and say in words what could not be told apart."""
+    groups, notes = [], []
+    for g in training.groups:
+        t = max(abs(a.coefficient(f"command.{g.name}")) / max(a.deviation(f"command.{g.name}"), 1e-12) for a in axes)
+        groups.append(g._replace(identifiable=t > SIGNIFICANT))
+        if t <= SIGNIFICANT:
+            notes.append(f"{g.name}: its commands moved too little to identify it (t = {t:.1f}); it cannot be judged")
+        if len(g.channels) > 1:
+            notes.append(f"{', '.join(g.channels)} always moved together: judged as one group, {g.name}")
+    return tuple(groups), tuple(notes)
+
+
+def _envelope(training: Training) -> dict[str, tuple[float, float]]:
+    """Lowest and highest command of every group and airspeed ratio in training."""
+    u = np.concatenate([s.commands for s in training.segments])
+    v = np.concatenate([s.speed for s in training.segments])
+    out = {f"command.{g.name}": (float(u[:, i].min()), float(u[:, i].max())) for i, g in enumerate(training.groups)}
+    if math.isfinite(training.airspeed):
+        out["airspeed"] = (float(v.min() * training.airspeed), float(v.max() * training.airspeed))
+    return out
