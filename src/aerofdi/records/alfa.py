@@ -1,4 +1,4 @@
-"""Reader of the ALFA folder layout: one CSV per ROS topic, all names starting with the name of the sequence."""
+"""Reader of the ALFA folder layout: one CSV per ROS topic, named after the sequence and the topic."""
 
 from __future__ import annotations
 

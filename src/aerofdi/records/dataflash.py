@@ -1,8 +1,8 @@
 """Reader of ArduPilot dataflash logs, binary (.BIN) and text (.log).
 
-The format states itself: FMT messages give each message type its length, field types and names. One pass collects
-the offsets of each type, then every wanted type is decoded at once as a NumPy structure. pymavlink's DFReader is the
-reference the tests compare with.
+The format states itself: FMT messages give each message type its length, field types and names. One pass
+collects the offsets of each type, then every wanted type is decoded at once as a NumPy structure. pymavlink's
+DFReader is the reference the tests compare with.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def _events(tables: dict[str, Table]) -> list[Event]:
 
 
 def read_dataflash(path: Path, topics: Topics) -> Log:
-    """An ArduPilot onboard log; only the wanted message types (and parameters, modes, messages) are decoded."""
+    """An ArduPilot onboard log; only the wanted messages (and parameters, modes, texts) are decoded."""
     data = read_bytes(path)
     if data[:2] != HEAD:
         return _read_text(path, data, topics)
@@ -202,7 +202,7 @@ def _column(cells: list[str], kind: str) -> NDArray[Any]:
 
 
 def _read_text(path: Path, data: bytes, topics: Topics) -> Log:
-    """The text form: `FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns`, then `NAME, value, value`."""
+    """The text form: `FMT, type, length, NAME, format, columns`, then lines of `NAME, value, value`."""
     layout: dict[str, tuple[str, list[str]]] = {}
     rows: dict[str, list[list[str]]] = {}
     seen: dict[str, int] = {}

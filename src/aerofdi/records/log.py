@@ -1,4 +1,4 @@
-"""What every reader returns: the log as it was written, topic by topic, before any name or unit is translated."""
+"""What every reader returns: the log as it was written, topic by topic, before anything is translated."""
 
 from __future__ import annotations
 
@@ -28,9 +28,11 @@ class Table(NamedTuple):
 
 @dataclass
 class Log:
-    """A log as it was written. tables: topic -> Table; seen: topic -> count, also of topics that were not decoded.
+    """A log as it was written. tables: topic -> Table; seen: topic -> count, also of topics that were not
+    decoded.
 
-    clock says in words what t_s counts from; info holds what the format says of itself (firmware, vehicle type).
+    clock says in words what t_s counts from; info holds what the format says of itself (firmware, vehicle
+    type).
     """
 
     format: str
@@ -72,8 +74,8 @@ def read_bytes(path: Path) -> bytes:
 def guarded(path: Path, what: str) -> Iterator[None]:
     """Run a foreign parser: whatever it raises becomes UnreadableFile, whatever it prints is dropped.
 
-    Foreign parsers raise nearly every exception type on corrupt data, so nearly every one is caught here, and only
-    here; running out of memory on a corrupt length field is one of them.
+    Foreign parsers raise nearly every exception type on corrupt data, so nearly every one is caught here, and
+    only here; running out of memory on a corrupt length field is one of them.
     """
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         try:

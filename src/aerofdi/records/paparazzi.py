@@ -1,4 +1,4 @@
-"""Reader of Paparazzi SD logs (.data): lines of `time aircraft MESSAGE values`, values apart by blanks or commas."""
+"""Reader of Paparazzi SD logs (.data): lines of `time aircraft MESSAGE values`."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def _table(times: list[float], rows: list[str]) -> Table:
 def read_paparazzi(path: Path, topics: Topics) -> Log:
     """A Paparazzi .data log: each message a topic, its values the fields '0', '1', ...
 
-    Lines that are not messages are counted and left out; a file where more than half of the lines are such is not a
-    Paparazzi log. A last line without a line end is cut off and left out.
+    Lines that are not messages are counted and left out; a file where more than half of the lines are such is
+    not a Paparazzi log. A last line without a line end is cut off and left out.
     """
     text = read_bytes(path).decode("ascii", errors="replace")
     lines = text.split("\n")

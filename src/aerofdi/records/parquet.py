@@ -1,8 +1,8 @@
 """Flight files: one Parquet file a flight, each series on its own clock, exact both ways.
 
-Every channel is a column `table/name` and every clock a column `clock/k` (channels on the same stamps share one),
-filled up with nulls to the longest; units are in the field's metadata. Lengths, codes, repeats, events, parameters
-and meta are one JSON text in the file's metadata, key `aerofdi`.
+Every channel is a column `table/name` and every clock a column `clock/k` (channels on the same stamps share
+one), filled up with nulls to the longest; units are in the field's metadata. Lengths, codes, repeats, events,
+parameters and meta are one JSON text in the file's metadata, key `aerofdi`.
 """
 
 from __future__ import annotations
@@ -107,8 +107,8 @@ def _arrow(flight: Flight) -> Any:
 def write_flight(flight: Flight, path: str | Path) -> Path:
     """Write a Flight file; beside the target first, then renamed, so that a broken run leaves no half file.
 
-    Exact: reading it back gives the same stamps, values, units, codes, tables, events, parameters and meta (meta as
-    JSON values: tuples become lists). Raises WrongUse where meta holds what JSON cannot.
+    Exact: reading it back gives the same stamps, values, units, codes, tables, events, parameters and meta
+    (meta as JSON values: tuples become lists). Raises WrongUse where meta holds what JSON cannot.
     """
     from pyarrow import parquet
 
@@ -120,7 +120,9 @@ def write_flight(flight: Flight, path: str | Path) -> Path:
     except OSError as error:
         raise WrongUse(f"cannot write {path}: {error.strerror or error}") from error
     try:
-        parquet.write_table(table, beside, compression="zstd", use_dictionary=False)
+        parquet.write_table(
+            table, beside, compression="zstd", use_dictionary=False, use_byte_stream_split=True
+        )
         os.chmod(beside, 0o666 & ~_umask())
         os.replace(beside, path)
     except BaseException:

@@ -1,4 +1,4 @@
-"""Profiles: small TOML files that say what the fields of a log mean. Loaded and checked here; see profiles/README.md."""
+"""Profiles: small TOML files that say what the fields of a log mean; see profiles/README.md."""
 
 from __future__ import annotations
 
@@ -24,12 +24,13 @@ TABLES = ("channels", "output", "truth")
 class ChannelSpec:
     """How one channel is formed: value = sign * scale * (raw - offset), converted from `unit`.
 
-    source: 'topic.field' alternatives, the first present wins. mix: weighted sum of fields of one topic, in place of
-    source. farthest_from: of all sources (of one topic) take, at each sample, the one farthest from this raw value.
-    where: keep only samples whose other fields have these values. bit: take this bit of an integer. codes: number ->
-    name, or the name of a code table. limits: clip of the converted value; negative_scale: factor then applied to
-    negative values (servos whose travel differs on the two sides of neutral). absent_if_zero: no channel at all where
-    every value is 0, because such a log had no sensor.
+    source: 'topic.field' alternatives, the first present wins. mix: weighted sum of fields of one topic, in
+    place of source. farthest_from: of all sources (of one topic) take, at each sample, the one farthest from
+    this raw value. where: keep only samples whose other fields have these values. bit: take this bit of an
+    integer; equals: 1 where the raw value is this, else 0. codes: number -> name, or the name of a code
+    table. limits: clip of the converted value; negative_scale: factor then applied to negative values (servos
+    whose travel differs on the two sides of neutral). absent_if_zero: no channel at all where every value is
+    0, because such a log had no sensor.
     """
 
     source: tuple[str, ...] = ()
@@ -41,6 +42,7 @@ class ChannelSpec:
     farthest_from: float | None = None
     where: dict[str, float] = field(default_factory=dict)
     bit: int | None = None
+    equals: float | None = None
     codes: dict[int, str] | None = None
     limits: tuple[float, float] | None = None
     negative_scale: float = 1.0
@@ -117,6 +119,7 @@ _CHANNEL = {
     "farthest_from": (int, float),
     "where": dict,
     "bit": int,
+    "equals": (int, float),
     "codes": (str, dict),
     "limits": list,
     "negative_scale": (int, float),
@@ -255,6 +258,7 @@ def _channel(check: _Checker, name: str, raw: Any, table: str) -> ChannelSpec:
         farthest_from=None if "farthest_from" not in raw else float(raw["farthest_from"]),
         where=_numbers(check, raw.get("where", {}), (*path, "where")),
         bit=raw.get("bit"),
+        equals=raw.get("equals"),
         codes=_codes(check, raw.get("codes"), (*path, "codes")),
         limits=None if limits is None else (float(limits[0]), float(limits[1])),
         negative_scale=float(raw.get("negative_scale", 1.0)),
@@ -302,7 +306,10 @@ def parse_profile(text: str, label: str) -> Profile:
     return Profile(
         name=raw["name"],
         reader=reader,
-        **{key: raw.get(key, "") for key in ("about", "source", "aircraft", "signs")},
+        about=raw.get("about", ""),
+        source=raw.get("source", ""),
+        aircraft=raw.get("aircraft", ""),
+        signs=raw.get("signs", ""),
         autopilot_modes=check.strings(raw, "autopilot_modes", ()),
         assumed=check.strings(raw, "assumed", ()),
         match=raw.get("match", {}),
@@ -312,7 +319,9 @@ def parse_profile(text: str, label: str) -> Profile:
         aliases={k: str(v) for k, v in raw.get("aliases", {}).items()},
         servos={k: _numbers(check, v, ("servos", k)) for k, v in raw.get("servos", {}).items()},
         outputs=outputs,
-        **tables,
+        channels=tables["channels"],
+        output=tables["output"],
+        truth=tables["truth"],
     )
 
 

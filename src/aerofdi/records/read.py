@@ -7,19 +7,22 @@ from pathlib import Path
 from ..core import Flight, UnreadableFile
 from .log import Log, Topics
 from .parquet import is_flight_file, read_flight
+from .plain import house_profile
 from .profile import Profile, load_profile, shipped
 from .sniff import format_of, reader_of
 from .translate import matches, translate
 
 
 def read(path: str | Path, profile: str | Path | Profile | None = None) -> Flight:
-    """The flight in a log file, an ALFA folder, a bag or a Flight file, in the house's names, units and signs.
+    """The flight in a log file, an ALFA folder, a bag or a Flight file, in the house's names, units and
+    signs.
 
-    path: the reader is picked by content, then by suffix. profile: name of a shipped profile, path of a TOML file,
-    or None: the shipped profile whose [match] fits best. A Flight file needs none.
+    path: the reader is picked by content, then by suffix. profile: name of a shipped profile, path of a TOML
+    file, or None: the shipped profile whose [match] fits best; a table whose columns are named like channels
+    needs none, nor does a Flight file.
 
-    Raises UnreadableFile (missing, empty, truncated, foreign or corrupt file; no profile fits, with what the file
-    has) and WrongUse (unknown or faulty profile).
+    Raises UnreadableFile (missing, empty, truncated, foreign or corrupt file; no profile fits, with what the
+    file has) and WrongUse (unknown or faulty profile).
     """
     path = Path(path)
     kind = format_of(path)
@@ -41,9 +44,12 @@ def _topics(candidates: list[Profile]) -> Topics:
 def _best(candidates: list[Profile], log: Log, path: Path) -> Profile:
     scored = [(matches(profile, log), profile) for profile in candidates]
     score, best = max(scored, key=lambda pair: pair[0], default=(0, None))
-    if best is None or score == 0:
+    if best is not None and score:
+        return best
+    plain = house_profile(log)
+    if plain is None:
         raise no_profile(candidates, log, path)
-    return best
+    return plain
 
 
 def no_profile(candidates: list[Profile], log: Log, path: Path) -> UnreadableFile:

@@ -78,10 +78,8 @@ def ardupilot_surfaces(log: Log, profile: Profile, flight: Flight) -> None:
         return
     topic, _, form = pattern.partition(".")
     table = log.tables[topic]
-    start = 0 if "{n0}" in form else 1
     columns = {n: form.replace("{n}", str(n)).replace("{n0}", str(n - 1)) for n in range(1, 33)}
     columns = {n: name for n, name in columns.items() if name in table.columns}
-    del start
     assumed: list[str] = flight.meta["assumed"]
     functions = _functions(log, 32)
     if not functions:

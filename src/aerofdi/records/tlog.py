@@ -1,4 +1,4 @@
-"""Reader of MAVLink telemetry logs (.tlog): an 8 byte big-endian stamp (us) before every MAVLink 1 or 2 frame."""
+"""Reader of MAVLink telemetry logs (.tlog): an 8 byte big-endian stamp (us) before every MAVLink frame."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Frame(NamedTuple):
 
 
 def frames(data: bytes) -> Iterator[Frame]:
-    """Every frame of the log, found by its layout; garbage between frames is skipped. CRC is checked on decoding."""
+    """Every frame of the log, found by its layout; garbage between frames is skipped. CRCs are checked later."""
     at, end = 0, len(data)
     while at + 16 <= end:
         start = at + 8
@@ -42,11 +42,10 @@ def frames(data: bytes) -> Iterator[Frame]:
         else:
             at += 1
             continue
+        # Followed by another frame, or the end (perhaps a cut-off stamp); else a chance byte in garbage.
         if stop > end or (stop + 8 < end and data[stop + 8] not in (0xFE, 0xFD)):
-            # Not followed by another frame: the last one, or a chance byte in garbage.
-            if stop != end:
-                at += 1
-                continue
+            at += 1
+            continue
         yield Frame(start, stop, msgid, source)
         at = stop
 

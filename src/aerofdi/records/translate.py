@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 from ..core import Array, Flight, Series, WrongUse
 from .log import Log, Table, ordered, unreadable
 from .profile import ChannelSpec, Profile
+from .px4 import px4_surfaces
 from .servos import ardupilot_surfaces
 from .units import to_si
 
 _SCHEMES: dict[str, Callable[[Log, Profile, Flight], None]] = {
     "ardupilot": ardupilot_surfaces,
+    "px4": px4_surfaces,
 }
+ABSOLUTE_S = 6e8
+STRAY_S = 6 * 3600.0
 _TIME_FACTOR = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -35,7 +39,7 @@ def matches(profile: Profile, log: Log) -> int:
 
 
 def _with_time(log: Log, profile: Profile, path: Path) -> Log:
-    """A table format given the clock its profile names; every array as long as the time field is on that clock."""
+    """A table format given the clock its profile names in [time]."""
     if "field" not in profile.time:
         return log
     reference = profile.time["field"]
@@ -47,11 +51,46 @@ def _with_time(log: Log, profile: Profile, path: Path) -> Log:
     raw = np.asarray(log.tables[topic].columns[name])
     if raw.dtype.kind not in "fiub":
         raise unreadable(path, f"the time field {reference!r} holds text")
-    unit = profile.time.get("unit", "s")
-    t = raw.astype(float) * _TIME_FACTOR[unit]
-    columns = log.tables[topic].columns
-    log.tables[topic] = ordered(t, columns)
-    log.clock = f"the log's own clock, {reference}"
+    t, absolute = seconds(raw, profile.time.get("unit", "s"))
+    log.tables[topic] = ordered(t, log.tables[topic].columns)
+    log.clock = "0 at the earliest stamp" if absolute else f"the log's own clock, {reference}"
+    return log
+
+
+def seconds(raw: NDArray[Any], unit: str) -> tuple[Array, bool]:
+    """Stamps in s. Those that count from 1970 (later than 1989) start at 0 instead; True where that was so."""
+    factor = _TIME_FACTOR[unit]
+    finite = raw[np.isfinite(raw)] if raw.dtype.kind == "f" else raw
+    first = finite.min() if len(finite) else 0
+    if float(first) * factor <= ABSOLUTE_S:
+        return raw.astype(float) * factor, False
+    return (raw - first).astype(float) * factor, True
+
+
+def without_strays(log: Log) -> Log:
+    """The log without stamps far from all others, such as a flipped bit leaves; a note says how many.
+
+    Stamps are counted by the hour; stretches apart by more than an hour that hold less than 1 % of all
+    samples go.
+    """
+    ends = [(table.t_s[0], table.t_s[-1]) for table in log.tables.values() if len(table.t_s)]
+    if not ends or max(b for _, b in ends) - min(a for a, _ in ends) < STRAY_S:
+        return log
+    stamps = np.concatenate([table.t_s for table in log.tables.values()])
+    hours, counts = np.unique(np.floor(stamps / 3600.0), return_counts=True)
+    stretch = np.concatenate(([0], np.cumsum(np.diff(hours) > 2.0)))
+    heavy = np.bincount(stretch, weights=counts) >= 0.01 * len(stamps)
+    kept = hours[heavy[stretch]]
+    dropped = 0
+    for name, table in log.tables.items():
+        keep = np.isin(np.floor(table.t_s / 3600.0), kept)
+        if not keep.all():
+            dropped += int((~keep).sum())
+            log.tables[name] = Table(table.t_s[keep], {k: v[keep] for k, v in table.columns.items()})
+    low, high = (kept[0] * 3600.0, (kept[-1] + 1.0) * 3600.0) if len(kept) else (0.0, 0.0)
+    log.events = [event for event in log.events if low <= event.t_s <= high]
+    if dropped:
+        log.notes.append(f"{dropped} samples with stamps far from all others were left out")
     return log
 
 
@@ -113,6 +152,8 @@ def channel(spec: ChannelSpec, log: Log) -> Series | None:
         value, codes = _coded(raw.astype(str))
         return Series(t, value, "1", codes, spec.repeats)
     value = _bits(raw, spec.bit) if spec.bit is not None else np.asarray(raw, dtype=float)
+    if spec.equals is not None:
+        value = np.where(np.isfinite(value), (value == spec.equals).astype(float), np.nan)
     unit, factor = to_si(spec.unit, "this profile")
     plain = spec.offset == 0.0 and spec.sign * spec.scale * factor == 1.0
     if not plain:
@@ -159,14 +200,14 @@ def _meta(log: Log, profile: Profile, path: Path) -> dict[str, Any]:
 def translate(log: Log, profile: Profile, path: Path) -> Flight:
     """The flight a log holds, in the house's names, units and signs.
 
-    Raises UnreadableFile where not one measured channel of the profile is in the log.
+    Raises UnreadableFile where not one channel of the profile is in the log.
     """
     if not set(profile.reader) & {log.format}:
         raise WrongUse(
             f"profile {profile.name!r} reads {', '.join(profile.reader)}, but {path.name} is {log.format}; "
             f"choose another profile or leave it out"
         )
-    log = _with_time(log, profile, path)
+    log = without_strays(_with_time(log, profile, path))
     meta = _meta(log, profile, path)
     notes: list[str] = meta["notes"]
     flight = Flight(
@@ -179,7 +220,7 @@ def translate(log: Log, profile: Profile, path: Path) -> Flight:
     )
     if "scheme" in profile.outputs:
         _SCHEMES[profile.outputs["scheme"]](log, profile, flight)
-    if not any(len(series.t_s) for series in flight.measured.values()):
+    if not any(len(s.t_s) for t in (flight.measured, flight.output, flight.truth) for s in t.values()):
         have = ", ".join(sorted(log.seen)[:12]) or "nothing"
         raise unreadable(path, f"holds none of the channels of profile {profile.name!r}; it has {have}")
     _prune(flight)
@@ -187,7 +228,7 @@ def translate(log: Log, profile: Profile, path: Path) -> Flight:
 
 
 def _prune(flight: Flight) -> None:
-    """Signs, aliases and servos only of surfaces whose command the flight has; groups of bindable commands only."""
+    """Signs, aliases and servos only of surfaces the flight commands; groups of bindable commands only."""
     have = {
         n.partition(".")[2] for t in (flight.measured, flight.output) for n in t if n.startswith("command.")
     }
