@@ -1,6 +1,7 @@
 """Controllers as pure scalar steps, and the guidance that feeds them. See README.md of this room."""
 
-from .gains import CONTROLLERS, controller, load_gains
+from .gains import CONTROLLERS, Autopilot, autopilot_of, controller, load_gains
+from .loops import control
 from .signals import BANK, COURSE, HEADING, TRACK, Measured, Reference
 
 __all__ = [
@@ -9,8 +10,11 @@ __all__ = [
     "COURSE",
     "HEADING",
     "TRACK",
+    "Autopilot",
     "Measured",
     "Reference",
+    "autopilot_of",
+    "control",
     "controller",
     "load_gains",
 ]
