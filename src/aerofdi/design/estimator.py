@@ -65,16 +65,17 @@ class Options(NamedTuple):
     degree: int = 2
     backoff: float = 1.05
     margin: float = 1e-6
-    margin2: float = 1e-6
+    margin2: float = 1e-4
     max_iter: int = 200
     time_limit_s: float = 240.0
     w_scale: float = 0.02
     multiplier_cost: float = 1e-7
+    normal: float = 0.5
     time_scale: float = 10.0
     estimand_scale: float = 0.08
-    gap: float = 1e-5
+    gap: float = 5e-5
     gap2: float = 1e-3
-    feasibility: float = 1e-7
+    feasibility: float = 1e-6
 
 
 class Filter(NamedTuple):
@@ -188,11 +189,10 @@ def extend(problem: Estimation, V: Array) -> Extended:
     return Extended(g.V, g.A, g.B, C1, D1, C2, D2, C3, D3, E, G)
 
 
-def balance(A: Array, B: Array, C: Array) -> Array:
-    """T of x = T x_b with the observability Gramian of the balanced form times its singular values: C-normal.
+def balance(A: Array, B: Array, C: Array, normal: float = 0.5) -> Array:
+    """T of x = T x_b for a stable system, with Gramians Wc = S^(1 + 2 normal), Wo = S^(1 - 2 normal), S the Hankel values.
 
-    Of the balancing scalings x_b -> s^k x_b (s the Hankel singular values), k = 1/2 gave the solver the best-conditioned
-    storage matrices. Weak directions are kept at 1e-12 of the strongest.
+    normal = 0 is balanced, 0.5 output-normal, -0.5 input-normal. Weak directions are kept at 1e-12 of the strongest.
     """
     from scipy.linalg import solve_continuous_lyapunov
 
@@ -207,7 +207,7 @@ def balance(A: Array, B: Array, C: Array) -> Array:
     Lo = root(solve_continuous_lyapunov(A.T, -C.T @ C))
     _, s, Vt = np.linalg.svd(Lo.T @ Lc)
     s = np.maximum(s, 1e-12 * s[0])
-    return np.asarray(Lc @ Vt.T / s)
+    return np.asarray(Lc @ Vt.T / s ** (0.5 + normal))
 
 
 def scaling_for(e: Extended, options: Options) -> Scaling:
@@ -215,7 +215,7 @@ def scaling_for(e: Extended, options: Options) -> Scaling:
     unit = Scaling(np.eye(e.A.shape[1]), options.time_scale, options.estimand_scale, options.w_scale)
     s = apply(e, unit)
     k = len(e.V) // 2
-    T = balance(s.A[k], s.B[k], np.vstack((s.C1[k], s.C2[k], s.C3[k])))
+    T = balance(s.A[k], s.B[k], np.vstack((s.C1[k], s.C2[k], s.C3[k])), options.normal)
     return unit._replace(T=T)
 
 
