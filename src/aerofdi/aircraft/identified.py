@@ -76,7 +76,8 @@ class AxisModel(NamedTuple):
 class IdentifiedModel(NamedTuple):
     """What `identify` knows: sample period, delay, lag, groups, axes, and the conditions of training.
 
-    airspeed: training mean in m/s, NaN where not measured. envelope: channel -> (low, high) seen in training.
+    airspeed: training mean in m/s, NaN where not measured. envelope: channel -> (low, high) seen in training; where
+    airspeed is not measured, the range of groundspeed says when the aircraft no longer flies as in training.
     notes: what a reader should know (collinear commands, contradicted signs, weak excitation).
     """
 
@@ -101,6 +102,8 @@ class IdentifiedModel(NamedTuple):
             out |= {c: group.unit for c in group.channels}
         if math.isfinite(self.airspeed):
             out["airspeed"] = "m/s"
+        elif "groundspeed" in self.envelope:
+            out["groundspeed"] = "m/s"
         for axis in self.axes:
             out |= {n: "rad" for n in axis.names if n in ("alpha", "beta")}
         return out
