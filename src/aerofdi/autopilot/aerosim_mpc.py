@@ -89,13 +89,11 @@ UNITS = loops.UNITS | {
 
 
 class Command(NamedTuple):
-    """elevator (trailing edge down), aileron (rolls left), rudder (trailing edge left):
-
-    rad. throttle: 0 to 1.
-    """
+    """elevator, ailerons (trailing edge down), rudder (trailing edge left): rad. throttle: 0 to 1."""
 
     elevator: float
-    aileron: float
+    aileron_left: float
+    aileron_right: float
     rudder: float
     throttle: float
 
@@ -125,7 +123,7 @@ def init(gains: Gains, trim: Command, z: Measured) -> State:
     return State(
         bank_ref=z.phi,
         pitch_ref=z.theta,
-        bank_integral=trim.aileron - gains.roll_rate_kp * z.p,
+        bank_integral=trim.aileron_right - gains.roll_rate_kp * z.p,
         pitch_integral=trim.elevator - loops.pitch_feed(gains, z),
         altitude_integral=z.theta - loops.altitude_feed(gains, z),
         airspeed_integral=trim.throttle,
@@ -165,7 +163,7 @@ def _leg_ahead(ref: Reference, z: Measured, ahead: float) -> tuple[float, float,
 def predict(
     g: Gains, ref: Reference, z: Measured, last: float, Y: Array, E: Array, y: Array, e: Array
 ) -> None:
-    """Fill the linear model: cross-track errors y + Y r and heading errors e + E r at the ends of the N periods.
+    """Fill the linear model: cross-track errors y + Y r and heading errors e + E r at the N period ends.
 
     Y, E: (N, N), row k the derivatives of error k to the yaw rates. y, e: (N,), m and rad. last: yaw rate
     before.
@@ -263,5 +261,5 @@ def step(g: Gains, s: State, ref: Reference, z: Measured, dt: float) -> tuple[St
     iv, throttle = airspeed_hold(g, s.airspeed_integral, z.airspeed, ref, dt)
     return (
         State(phi_ref, theta_ref, ib, it, ih, iv, s.rudder, yaw_rate, wait),
-        Command(de, da, dr, throttle),
+        Command(de, -da, da, dr, throttle),
     )

@@ -2,8 +2,8 @@
 
 The unknown-input-observer study flies an autopilot with a sampling period of 0.05 s that tracks airspeed,
 altitude and course and says no more; the structure is that of Beard and McLain's textbook, whose aircraft
-it is. Elevator trailing edge down positive; positive aileron and rudder roll right. Gains (all assumed)
-designed here:
+it is. Elevator trailing edge down positive; positive aileron (left down, right up) and rudder roll right.
+Gains (all assumed) designed here:
 
     phi_ref   = k_chi (chi_ref - chi), limited
     da        = (k_phi + k_iphi/s) (phi_ref - phi) - k_p p
@@ -61,10 +61,11 @@ UNITS = loops.UNITS | {"elevator_max": "rad", "aileron_max": "rad"}
 
 
 class Command(NamedTuple):
-    """elevator (trailing edge down), aileron (rolls right), rudder: rad. throttle: 0 to 1."""
+    """elevator, ailerons (trailing edge down), rudder (rolls right): rad. throttle: 0 to 1."""
 
     elevator: float
-    aileron: float
+    aileron_left: float
+    aileron_right: float
     rudder: float
     throttle: float
 
@@ -92,7 +93,7 @@ def init(gains: Gains, trim: Command, z: Measured) -> State:
     return State(
         bank_ref=z.phi,
         pitch_ref=z.theta,
-        bank_integral=trim.aileron - gains.roll_rate_kp * z.p,
+        bank_integral=trim.aileron_left - gains.roll_rate_kp * z.p,
         pitch_integral=trim.elevator - loops.pitch_feed(gains, z),
         altitude_integral=z.theta - loops.altitude_feed(gains, z),
         airspeed_integral=trim.throttle,
@@ -109,4 +110,4 @@ def step(g: Gains, s: State, ref: Reference, z: Measured, dt: float) -> tuple[St
     it, de = pitch_hold(g, s.pitch_integral, theta_ref, z, -g.elevator_max, g.elevator_max, dt)
     ib, da = bank_hold(g, s.bank_integral, phi_ref, z.phi, z.p, g.aileron_max, dt)
     iv, throttle = airspeed_hold(g, s.airspeed_integral, z.airspeed, ref, dt)
-    return State(phi_ref, theta_ref, ib, it, ih, iv, s.rudder), Command(de, da, s.rudder, throttle)
+    return State(phi_ref, theta_ref, ib, it, ih, iv, s.rudder), Command(de, da, -da, s.rudder, throttle)
