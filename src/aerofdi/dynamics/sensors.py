@@ -19,7 +19,7 @@ import numpy as np
 from ..core.errors import WrongUse
 from ..core.types import Array
 from ..parts.delay_line import delay_fill, delay_step, delay_width
-from ..parts.ops import floor, jit, pi, sqrt
+from ..parts.ops import cos, floor, jit, pi, sin, sqrt
 from ..parts.random import normal4
 from .faults import S_ADD, S_FROZEN, S_LATER, S_OFF, S_SIGMA
 from .types import Outputs, State
@@ -31,7 +31,10 @@ TRUE = {
     "ax": "m/s2", "ay": "m/s2", "az": "m/s2", "u": "m/s", "v": "m/s", "w": "m/s",
     "groundspeed": "m/s", "course": "rad", "engine_speed": "rad/s", "fuel_mass": "kg",
 }  # fmt: skip
-"""Channel -> unit of everything a sensor may look at; the first 15 in the order of `autopilot.Measured`."""
+"""Channel -> unit of everything a sensor may look at; the first 15 in the order of `autopilot.Measured`.
+
+u, v, w are the velocity relative to the air in body axes; velocity_north and _east are over ground.
+"""
 
 NOISE_CHANNEL, WALK_CHANNEL, TURN_ON_CHANNEL, FAULT_CHANNEL = 64, 128, 192, 256
 WRAPPED = ("psi", "course")
@@ -176,7 +179,9 @@ def true_values(x: State, z: Outputs, velocity: tuple[float, float, float], trut
     truth[9], truth[10] = z.altitude, z.climb_rate
     truth[11], truth[12], truth[13], truth[14] = x.north, x.east, velocity[0], velocity[1]
     truth[15], truth[16], truth[17] = z.ax, z.ay, z.az
-    truth[18], truth[19], truth[20] = x.u, x.v, x.w
+    truth[18] = z.airspeed * cos(z.beta) * cos(z.alpha)
+    truth[19] = z.airspeed * sin(z.beta)
+    truth[20] = z.airspeed * cos(z.beta) * sin(z.alpha)
     truth[21], truth[22], truth[23], truth[24] = z.groundspeed, z.course, x.engine, x.fuel
 
 

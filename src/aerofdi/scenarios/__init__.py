@@ -1,6 +1,6 @@
-"""What shall happen in a flight, as data: `load("demo")`. See README.md of this room."""
+"""What shall happen in a flight, as data: `load_scenario("demo")`. See README.md of this room."""
 
-from .load import load, scenario_names
+from .load import load_scenario, scenario_names
 from .types import (
     Guidance,
     Gust,
@@ -13,6 +13,8 @@ from .types import (
     WindSpec,
 )
 
+load = load_scenario
+
 __all__ = [
     "Guidance",
     "Gust",
@@ -24,5 +26,6 @@ __all__ = [
     "Turbulence",
     "WindSpec",
     "load",
+    "load_scenario",
     "scenario_names",
 ]

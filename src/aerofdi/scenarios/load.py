@@ -39,13 +39,13 @@ def scenario_names() -> tuple[str, ...]:
     return tuple(sorted(p.stem for p in HOME.glob("*.toml")))
 
 
-def load(name_or_path: str | os.PathLike[str]) -> Scenario:
+def load_scenario(name_or_path: str | os.PathLike[str]) -> Scenario:
     """The scenario of that name, or in that file.
 
     Raises UnreadableFile (missing, not TOML) or WrongUse (unknown key, wrong unit, impossible value), with
     file and line.
 
-    >>> load("demo").aircraft
+    >>> load_scenario("demo").aircraft
     'vireo'
     """
     path = Path(name_or_path)
@@ -70,6 +70,7 @@ def _scenario(t: Table) -> Scenario:
         raise t.refuse("aircraft", f"{name!r} is an identified model; only a full model can be flown")
     start = _start(t.table("start"), aircraft)
     pilot = t.table("autopilot")
+    variant = pilot.word("variant", default="")
     sensors, noise_factor = _sensors(t.table("sensors"))
     scenario = Scenario(
         name=t.path.stem,
@@ -82,16 +83,28 @@ def _scenario(t: Table) -> Scenario:
         wind=_wind(t.table("wind")),
         sensors=sensors,
         noise_factor=noise_factor,
-        controller=pilot.word("controller", default=""),
-        gains=pilot.table("gains").values,
+        autopilot=_autopilot(pilot, aircraft, variant),
+        variant=variant,
         faults=tuple(_fault(f, aircraft) for f in t.rows("fault")),
         parameters=_parameters(t.table("parameters"), aircraft),
         rates=_rates(t.table("rates")),
         path=t.path,
     )
-    pilot.end()
     t.end()
     return scenario
+
+
+def _autopilot(t: Table, aircraft: Aircraft, variant: str) -> dict[str, Any]:
+    """The [autopilot] changes as written, checked against the controller's gains."""
+    from ..autopilot import autopilot_of
+
+    try:
+        autopilot_of(
+            aircraft.autopilot, t.values, variant, who=f"aircraft {aircraft.name!r} with this scenario"
+        )
+    except WrongUse as error:
+        raise t.refuse("", str(error)) from None
+    return t.values
 
 
 def _start(t: Table, aircraft: Aircraft) -> Start:
@@ -109,17 +122,6 @@ def _start(t: Table, aircraft: Aircraft) -> Start:
 
 def _guidance(t: Table, start: Start) -> Guidance:
     lateral = t.word("lateral", LATERAL, "heading")
-    options = {
-        ours: t.number(key, unit)
-        for key, ours, unit in (
-            ("bank_max", "bank_max", "rad"),
-            ("l1_period", "l1_period_s", "s"),
-            ("l1_damping", "l1_damping", "1"),
-            ("turn_time", "turn_time_s", "s"),
-        )
-        if t.has(key)
-    }
-    t.known += ["bank_max", "l1_period", "l1_damping", "turn_time"]
     angle = "bank" if lateral == "bank" else "course" if lateral == "course" else "heading"
     last = Point(0.0, start.airspeed, start.altitude, 0.0 if lateral == "bank" else start.heading)
     points = []
@@ -134,7 +136,7 @@ def _guidance(t: Table, start: Start) -> Guidance:
         points.append(last)
     track = _track(t.table("track"), start) if lateral == "track" else None
     t.end()
-    return Guidance(lateral, tuple(points) or (last,), track, options)
+    return Guidance(lateral, tuple(points) or (last,), track)
 
 
 def _track(t: Table, start: Start) -> Track:

@@ -46,14 +46,12 @@ class Guidance(NamedTuple):
     """What the autopilot is asked to fly: break points with linear ramps between them (two at one time: a
     step).
 
-    lateral: what the angle of the points is, or "track". options: bank_max, l1_period_s, l1_damping,
-    turn_time_s of `autopilot.guidance.plan`.
+    lateral: what the angle of the points is, or "track".
     """
 
     lateral: str
     points: tuple[Point, ...]
     track: Track | None = None
-    options: Mapping[str, float] = {}
 
 
 class Turbulence(NamedTuple):
@@ -115,9 +113,9 @@ class Scenario:
     """What shall happen in one flight.
 
     sensors: channel -> the numbers that differ from the aircraft's (sigma, rate_hz, bias, bias_sigma,
-    drift, walk, delay_s), SI; noise_factor multiplies every sigma. controller: name, "" for the aircraft's.
-    gains: overrides as in aircraft files. parameters: dotted path of an aircraft number -> (value in SI or
-    NaN, factor).
+    drift, walk, delay_s), SI; noise_factor multiplies every sigma. autopilot: changes to the aircraft's
+    [autopilot] table, as written; variant: one of its variants. parameters: dotted path of an aircraft
+    number -> (value in SI or NaN, factor).
     """
 
     name: str
@@ -130,8 +128,8 @@ class Scenario:
     wind: WindSpec = CALM
     sensors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     noise_factor: float = 1.0
-    controller: str = ""
-    gains: Mapping[str, Any] = field(default_factory=dict)
+    autopilot: Mapping[str, Any] = field(default_factory=dict)
+    variant: str = ""
     faults: tuple[Fault, ...] = ()
     parameters: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     rates: Rates = DEFAULT_RATES

@@ -1,0 +1,239 @@
+"""The loop: wind, sensors, autopilot, actuators, faults and the plant, step after step, compiled as one
+piece.
+
+At step k, time t = k dt:
+
+    1  the air and the faults of this instant; the state's derivative
+    2  sensors that are due read the true values
+    3  the autopilot, if due, reads the last readings and sets its commands
+    4  servos move from t to t + dt under command + excitation
+    5  the plant goes from t to t + dt, deflections linear in time over the step, wind held
+
+so a sensor and a command stamped t know nothing later than t, and act from t on. `advance` is specialised
+by the types inside its parameters (aerodynamics, propulsion, controller) and cached on disk once per
+combination. The same source runs in plain Python.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..autopilot import guidance
+from ..autopilot.loops import control
+from ..autopilot.signals import Measured
+from ..core.types import Array
+from ..dynamics.actuators import ActuatorParams, ActuatorState, actuators_step
+from ..dynamics.faults import FaultState, FaultTable, Modified, faults_now
+from ..dynamics.plant import derivative, outputs, rk4_step
+from ..dynamics.rigid_body import to_ned
+from ..dynamics.sensors import (
+    SensorParams,
+    SensorState,
+    sensors_due,
+    sensors_start,
+    sensors_step,
+    true_values,
+)
+from ..dynamics.types import Effects, Outputs, State, Surfaces, Wind
+from ..dynamics.wind import WindParams, WindState, wind_advance, wind_now, wind_start
+from ..parts.ops import jit
+
+AIR = 6  # truth columns after those of sensors: wind north, east, down, and its rotation p, q, r
+DIVERGED = 1e4  # m/s or rad/s: beyond this the flight is over
+
+
+class Params(NamedTuple):
+    """What a flight is made of; nothing here changes during it.
+
+    feed: (15,) place in `sensors` of each field of autopilot.Measured, -1 for none. route: (n,) field of the
+    controller's Command for each servo, -1 where it stays at `trim` (n,). Steps of dt between: control_every,
+    record_every (0: record no truth).
+    """
+
+    plant: Any
+    wind: WindParams
+    actuators: ActuatorParams
+    sensors: SensorParams
+    faults: FaultTable
+    plan: guidance.Plan
+    gains: Any
+    feed: np.ndarray
+    route: np.ndarray
+    trim: Array
+    dt: float
+    control_every: int
+    record_every: int
+
+
+class Memory(NamedTuple):
+    """Arrays the loop changes as it goes. command, excitation, total: (n,) per servo. truth: (25,) as
+    sensors.TRUE.
+    """
+
+    wind: WindState
+    actuators: ActuatorState
+    sensors: SensorState
+    faults: FaultState
+    modified: Modified
+    command: Array
+    excitation: Array
+    total: Array
+    truth: Array
+
+
+class Record(NamedTuple):
+    """measured: all sensors' samples in one row, at sensors.offset. command: (control instants, n).
+
+    reference: (control instants, 4) bank, pitch (rad), airspeed, altitude. truth: (record instants, 25 + 6
+    + n + m).
+    """
+
+    measured: Array
+    command: Array
+    reference: Array
+    truth: Array
+
+
+class Motion(NamedTuple):
+    """What moves from step to step: next step k, the plant, the autopilot's and the guidance's states."""
+
+    k: int
+    plant: State
+    pilot: Any
+    guide: guidance.State
+
+
+@jit
+def _surfaces(felt: Array) -> Surfaces:
+    """The deflections as the plant's tuple of eight; felt has the throttle after the surfaces."""
+    n = felt.shape[0] - 1
+    return (
+        felt[0],
+        felt[1] if n > 1 else 0.0,
+        felt[2] if n > 2 else 0.0,
+        felt[3] if n > 3 else 0.0,
+        felt[4] if n > 4 else 0.0,
+        felt[5] if n > 5 else 0.0,
+        felt[6] if n > 6 else 0.0,
+        felt[7] if n > 7 else 0.0,
+    )
+
+
+@jit
+def _effects(e: Array) -> Effects:
+    return Effects(e[0], e[1], e[2], e[3], e[4], e[5])
+
+
+@jit
+def _reading(feed: np.ndarray, reading: Array, i: int) -> float:
+    return reading[feed[i]] if feed[i] >= 0 else 0.0
+
+
+@jit
+def measured(feed: np.ndarray, r: Array) -> Measured:
+    """The last readings as the autopilot sees them; a quantity without a sensor reads 0."""
+    return Measured(
+        _reading(feed, r, 0), _reading(feed, r, 1), _reading(feed, r, 2), _reading(feed, r, 3),
+        _reading(feed, r, 4), _reading(feed, r, 5), _reading(feed, r, 6), _reading(feed, r, 7),
+        _reading(feed, r, 8), _reading(feed, r, 9), _reading(feed, r, 10), _reading(feed, r, 11),
+        _reading(feed, r, 12), _reading(feed, r, 13), _reading(feed, r, 14),
+    )  # fmt: skip
+
+
+@jit
+def _look(m: Memory, x: State, z: Outputs) -> None:
+    """Fill the true values of this instant."""
+    true_values(x, z, to_ned(x.e0, x.e1, x.e2, x.e3, x.u, x.v, x.w), m.truth)
+
+
+@jit
+def _record_truth(p: Params, m: Memory, row: Array, x: State, wind: Wind) -> None:
+    n, felt, size = m.truth.shape[0], m.actuators.felt, m.faults.size
+    for i in range(n):
+        row[i] = m.truth[i]
+    north, east, down = to_ned(x.e0, x.e1, x.e2, x.e3, wind.u, wind.v, wind.w)
+    row[n], row[n + 1], row[n + 2] = wind.north + north, wind.east + east, wind.down + down
+    row[n + 3], row[n + 4], row[n + 5] = wind.p, wind.q, wind.r
+    n += AIR
+    for i in range(felt.shape[0]):
+        row[n + i] = felt[i]
+    n += felt.shape[0]
+    for i in range(size.shape[0]):
+        row[n + i] = size[i]
+
+
+@jit
+def _fly_by(p: Params, m: Memory, out: Record, pilot: Any, guide: Any, k: int, t: float, request: int) -> Any:
+    """The autopilot's instant: reference, command, and both on record."""
+    z = measured(p.feed, m.sensors.reading)
+    guide, ref = guidance.step(p.plan, guide, z, t, request)
+    pilot, command = control(p.gains, pilot, ref, z, p.dt * p.control_every)
+    row = k // p.control_every
+    for i in range(m.command.shape[0]):
+        m.command[i] = command[p.route[i]] if p.route[i] >= 0 else p.trim[i]
+        out.command[row, i] = m.command[i]
+    reference = out.reference[row]
+    reference[0], reference[1], reference[2], reference[3] = (
+        pilot.bank_ref,
+        pilot.pitch_ref,
+        ref.airspeed,
+        ref.altitude,
+    )
+    return pilot, guide
+
+
+@jit
+def _flies(x: State) -> bool:
+    """False once anything is not finite or absurd; NaN compares false."""
+    speed = x.u * x.u + x.v * x.v + x.w * x.w
+    spin = x.p * x.p + x.q * x.q + x.r * x.r
+    return speed < DIVERGED * DIVERGED and spin < DIVERGED * DIVERGED and x.engine * x.engine < 1e12
+
+
+@jit
+def begin(p: Params, m: Memory, x: State, seed: int, run: int) -> None:
+    """Draw the first turbulence and the turn-on biases; fill the sensors' delay lines with the first true
+    values.
+    """
+    wind_start(p.wind, m.wind, seed, run)
+    wind = wind_now(p.wind, m.wind, -x.down)
+    felt = m.actuators.felt
+    k1 = derivative(p.plant, x, _surfaces(felt), felt[felt.shape[0] - 1], wind, _effects(m.modified.effects))
+    _look(m, x, outputs(p.plant, x, k1, wind))
+    sensors_start(p.sensors, m.sensors, m.truth, seed, run)
+
+
+@jit
+def advance(
+    p: Params, m: Memory, out: Record, motion: Motion, seed: int, run: int, stop: int, request: int
+) -> Motion:
+    """Steps motion.k .. stop - 1; returns the motion at `stop`, or earlier where the flight has diverged."""
+    x, pilot, guide = motion.plant, motion.pilot, motion.guide
+    felt, last = m.actuators.felt, m.actuators.felt.shape[0] - 1
+    k = motion.k
+    while k < stop and _flies(x):
+        t = k * p.dt
+        wind = wind_now(p.wind, m.wind, -x.down)
+        faults_now(p.faults, m.faults, m.modified, m.actuators.position, t, m.truth[7], m.truth[8])
+        effects = _effects(m.modified.effects)
+        surfaces, throttle = _surfaces(felt), felt[last]
+        k1 = derivative(p.plant, x, surfaces, throttle, wind, effects)
+        recording = p.record_every > 0 and k % p.record_every == 0
+        sensing = sensors_due(p.sensors, k)
+        if sensing or recording:
+            _look(m, x, outputs(p.plant, x, k1, wind))
+        if sensing:
+            sensors_step(p.sensors, m.sensors, m.modified.sensor, m.truth, out.measured, seed, run, k, t)
+        if recording:
+            _record_truth(p, m, out.truth[k // p.record_every], x, wind)
+        if k % p.control_every == 0:
+            pilot, guide = _fly_by(p, m, out, pilot, guide, k, t, request)
+        for i in range(last + 1):
+            m.total[i] = m.command[i] + m.excitation[i]
+        actuators_step(p.actuators, m.actuators, m.modified.servo, m.total)
+        x = rk4_step(p.plant, x, k1, surfaces, throttle, _surfaces(felt), felt[last], wind, effects, p.dt)
+        wind_advance(p.wind, m.wind, seed, run, k, t, m.truth[6], p.dt)
+        k += 1
+    return Motion(k, x, pilot, guide)
