@@ -17,14 +17,17 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..parts.dispatch import by_type
-from ..parts.ops import atan2, cos, exp, inline, maximum, sign, sin, sqrt
+from ..parts.ops import atan2, exp, inline, maximum, sqrt
 from .types import Coefficients, State, Surfaces, Wind
 
 TINY_AIRSPEED = 1e-3
 
 
 class AirData(NamedTuple):
-    """Velocity relative to the air in body axes, its size and angles, and the rates relative to the air."""
+    """Velocity relative to the air in body axes, its size and angles, and the rates relative to the air.
+
+    V_xz is its part in the plane of symmetry; ca, sa, cb, sb are cosine and sine of alpha and beta.
+    """
 
     u: float
     v: float
@@ -33,6 +36,10 @@ class AirData(NamedTuple):
     V_xz: float
     alpha: float
     beta: float
+    ca: float
+    sa: float
+    cb: float
+    sb: float
     p: float
     q: float
     r: float
@@ -110,9 +117,13 @@ def air_data(x: State, wind: Wind, wind_u: float, wind_v: float, wind_w: float) 
     xz = u * u + w * w
     V_xz = maximum(sqrt(xz), TINY_AIRSPEED)
     V = maximum(sqrt(xz + v * v), TINY_AIRSPEED)
+    per_V, per_xz = 1.0 / V, 1.0 / V_xz
     return AirData(
-        u, v, w, V, V_xz, atan2(w, u), atan2(v, V_xz), x.p - wind.p, x.q - wind.q, x.r - wind.r
-    )
+        u, v, w, V, V_xz,
+        atan2(w, u), atan2(v, V_xz),
+        u * per_xz, w * per_xz, V_xz * per_V, v * per_V,
+        x.p - wind.p, x.q - wind.q, x.r - wind.r,
+    )  # fmt: skip
 
 
 @inline
@@ -190,8 +201,7 @@ def derivative_coefficients(
     lift = c.CL_0 + c.CL_alpha * alpha
     if aero.stall_rate > 0.0:
         s = stall_blend(aero.stall_rate, aero.stall_alpha, alpha)
-        sa = sin(alpha)
-        lift = (1.0 - s) * lift + s * 2.0 * sign(alpha) * sa * sa * cos(alpha)
+        lift = (1.0 - s) * lift + s * 2.0 * abs(air.sa) * air.sa * air.ca
     CL = lift + c.CL_q * q_hat + d.CL
     polar = CL - aero.CL_min_drag
     CD = (

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..parts.ops import atan2, inline, jit, maximum, sqrt, where
+from ..parts.ops import atan2, inline, maximum, sqrt, where
 from .aero import AirData, aero_inputs, air_data, coefficients, iced
 from .atmosphere import Air, density
 from .propulsion import propulsion
@@ -109,9 +109,9 @@ def _aerodynamic_load(
     drag is multiplied by a factor f adds (f - 1)/2 of it at its own centre, half_y to the side (moving_horizon).
     """
     qS = qbar * wing.area
-    ca, sa = a.u / a.V_xz, a.w / a.V_xz
-    sb = wing.wind_axes * a.v / a.V
-    cb = 1.0 + wing.wind_axes * (a.V_xz / a.V - 1.0)
+    ca, sa = a.ca, a.sa
+    sb = wing.wind_axes * a.sb
+    cb = 1.0 + wing.wind_axes * (a.cb - 1.0)
     lift_l, lift_r = 0.5 * (effects.lift_left - 1.0), 0.5 * (effects.lift_right - 1.0)
     drag_l, drag_r = 0.5 * (effects.drag_left - 1.0), 0.5 * (effects.drag_right - 1.0)
     # Lift and drag directions in body axes.
@@ -161,24 +161,23 @@ def _rates(
     T = propulsion(body.propulsion, a.V, rho, -x.down, throttle, x.engine, x.fuel)
     thrust = T.thrust * effects.thrust
     gx, gy, gz = to_body(e0, e1, e2, e3, 0.0, 0.0, air.gravity)
-    u_dot = (F.X + thrust) / m + gx + x.r * x.v - x.q * x.w
-    v_dot = F.Y / m + gy + x.p * x.w - x.r * x.u
-    w_dot = F.Z / m + gz + x.q * x.u - x.p * x.v
-    # alpha-dot derivatives: w_dot and u_dot depend on the lift they make, which is linear and solved here exactly.
-    # The steady wind is carried by the rotating body axes, so its body components change too.
-    qSc = qbar * wing.area * wing.chord * half
-    us_dot = u_dot - (x.r * wv - x.q * ww)
-    ws_dot = w_dot - (x.q * wu - x.p * wv)
-    alpha_dot = (a.u * ws_dot - a.w * us_dot) / (a.V_xz * a.V_xz + qSc * wing.CL_alpha_dot * a.V_xz / m)
-    lift = qSc * wing.CL_alpha_dot * alpha_dot
-    u_dot += lift * a.w / (a.V_xz * m)
-    w_dot -= lift * a.u / (a.V_xz * m)
-    M = (
-        F.M
-        + (cg_z - wing.hub_z) * thrust
-        + qSc * wing.chord * wing.Cm_alpha_dot * alpha_dot
-        + lift * ((cg_z - wing.ref_z) * a.w + (cg_x - wing.ref_x) * a.u) / a.V_xz
-    )
+    per_m = 1.0 / m
+    u_dot = (F.X + thrust) * per_m + gx + x.r * x.v - x.q * x.w
+    v_dot = F.Y * per_m + gy + x.p * x.w - x.r * x.u
+    w_dot = F.Z * per_m + gz + x.q * x.u - x.p * x.v
+    M = F.M + (cg_z - wing.hub_z) * thrust
+    if wing.CL_alpha_dot != 0.0 or wing.Cm_alpha_dot != 0.0:
+        # u_dot and w_dot depend on the lift they make, which is linear in alpha_dot and solved here exactly.
+        # The steady wind is carried by the turning body axes, so its body components change too.
+        us_dot = u_dot - (x.r * wv - x.q * ww)
+        ws_dot = w_dot - (x.q * wu - x.p * wv)
+        qSc = qbar * wing.area * wing.chord * half
+        alpha_dot = (a.ca * ws_dot - a.sa * us_dot) / (a.V_xz + qSc * wing.CL_alpha_dot * per_m)
+        lift = qSc * wing.CL_alpha_dot * alpha_dot
+        u_dot += lift * a.sa * per_m
+        w_dot -= lift * a.ca * per_m
+        M += qSc * wing.chord * wing.Cm_alpha_dot * alpha_dot
+        M += lift * ((cg_z - wing.ref_z) * a.sa + (cg_x - wing.ref_x) * a.ca)
     J = Inertia(
         mp.inertia.Jx + mp.inertia_slope.Jx * x.fuel,
         mp.inertia.Jy + mp.inertia_slope.Jy * x.fuel,
@@ -197,7 +196,7 @@ def _rates(
     )  # fmt: skip
 
 
-@jit
+@inline
 def derivative(
     params: PlantParams, x: State, surfaces: Surfaces, throttle: float, wind: Wind, effects: Effects
 ) -> State:
@@ -245,7 +244,7 @@ def _settled(y: State) -> State:
     )  # fmt: skip
 
 
-@jit
+@inline
 def rk4_step(
     params: PlantParams,
     x: State,
@@ -278,7 +277,7 @@ def rk4_step(
     return _settled(_along(x, total, dt / 6.0))
 
 
-@jit
+@inline
 def step(
     params: PlantParams, x: State, surfaces: Surfaces, throttle: float, wind: Wind, effects: Effects, dt: float
 ) -> State:
@@ -287,7 +286,7 @@ def step(
     return rk4_step(params, x, k1, surfaces, throttle, surfaces, throttle, wind, effects, dt)
 
 
-@jit
+@inline
 def outputs(params: PlantParams, x: State, k: State, wind: Wind) -> Outputs:
     """What sensors may look at; k is the derivative at x."""
     e0, e1, e2, e3 = x.e0, x.e1, x.e2, x.e3
@@ -308,7 +307,7 @@ def outputs(params: PlantParams, x: State, k: State, wind: Wind) -> Outputs:
     )  # fmt: skip
 
 
-@jit
+@inline
 def thrust(params: PlantParams, x: State, throttle: float, wind: Wind, effects: Effects) -> float:
     """Thrust along body x, N."""
     wu, wv, ww = to_body(x.e0, x.e1, x.e2, x.e3, wind.north, wind.east, wind.down)
