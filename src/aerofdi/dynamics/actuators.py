@@ -17,7 +17,7 @@ import numpy as np
 from ..core.errors import WrongUse
 from ..core.types import Array
 from ..parts.delay_line import delay_fill, delay_step, delay_width
-from ..parts.ops import jit
+from ..parts.ops import lean
 from ..parts.servo import RATE, servo_coefficients, servo_step
 from .faults import ABOUT, ADD, DRIVEN, FLOAT_TIME_S, FROZEN, GOAL, HOLD, LATER, SCALE, TRAILING
 from .faults import RATE as FAULT_RATE
@@ -87,7 +87,7 @@ def actuator_state(params: ActuatorParams, trim: Any, extra_delay_s: float = 0.0
     return state
 
 
-@jit
+@lean
 def actuators_rest(state: ActuatorState, trim: Array) -> None:
     """Put every servo at rest at trim (n,), its delay line full of that command."""
     for i in range(state.position.shape[0]):
@@ -97,7 +97,7 @@ def actuators_rest(state: ActuatorState, trim: Array) -> None:
         delay_fill(state.line[i], trim[i])
 
 
-@jit
+@lean
 def actuators_step(params: ActuatorParams, state: ActuatorState, faults: Array, command: Array) -> None:
     """One step: command (n,) held over it -> position, speed and `felt` at its end. faults: (n, 7)
     `Modified.servo`.
@@ -115,7 +115,8 @@ def actuators_step(params: ActuatorParams, state: ActuatorState, faults: Array, 
         else:
             u = f[GOAL] if f[HOLD] == DRIVEN else u
             if f[FAULT_RATE] < c[RATE]:
-                state.row[:] = c
+                for j in range(c.shape[0]):
+                    state.row[j] = c[j]
                 state.row[RATE] = f[FAULT_RATE]
                 x, v = servo_step(state.row, x, v, u)
             else:

@@ -19,7 +19,7 @@ import numpy as np
 from ..core.errors import WrongUse
 from ..core.types import Array
 from ..parts.delay_line import delay_fill, delay_step, delay_width
-from ..parts.ops import cos, floor, jit, pi, sin, sqrt
+from ..parts.ops import cos, floor, lean, pi, sin, sqrt
 from ..parts.random import normal4
 from .faults import S_ADD, S_FROZEN, S_LATER, S_OFF, S_SIGMA
 from .types import Outputs, State
@@ -170,7 +170,7 @@ def sensor_state(params: SensorParams, extra_delay_s: float = 0.0) -> SensorStat
     )
 
 
-@jit
+@lean
 def true_values(x: State, z: Outputs, velocity: tuple[float, float, float], truth: Array) -> None:
     """Fill truth (25,) in the order of TRUE. velocity: north, east, down over ground, m/s."""
     truth[0], truth[1], truth[2] = x.p, x.q, x.r
@@ -185,7 +185,7 @@ def true_values(x: State, z: Outputs, velocity: tuple[float, float, float], trut
     truth[21], truth[22], truth[23], truth[24] = z.groundspeed, z.course, x.engine, x.fuel
 
 
-@jit
+@lean
 def sensors_start(params: SensorParams, state: SensorState, truth: Array, seed: int, run: int) -> None:
     """Before the first step: turn-on biases drawn, delay lines full of the first true values."""
     state.taken[:] = 0
@@ -199,14 +199,14 @@ def sensors_start(params: SensorParams, state: SensorState, truth: Array, seed: 
             delay_fill(state.line[i], truth[params.source[i]])
 
 
-@jit
+@lean
 def _reading(n: Array, s: SensorState, i: int, fault: Array, t: float, noise: float) -> float:
     """What sensor i says about the (delayed) true value it sees."""
     z = s.seen[i] + n[BIAS] + s.turn_on[i] + n[DRIFT] * t + s.walk[i] + n[SIGMA] * noise + fault[S_ADD]
     return z - 2.0 * pi * floor((z + pi) / (2.0 * pi)) if n[WRAP] > 0.0 else z
 
 
-@jit
+@lean
 def sensors_due(params: SensorParams, k: int) -> bool:
     """Whether step k must fill `truth` for `sensors_step`: any sensor samples, or a delay line needs its
     input.
@@ -217,7 +217,7 @@ def sensors_due(params: SensorParams, k: int) -> bool:
     return due
 
 
-@jit
+@lean
 def sensors_step(
     params: SensorParams,
     state: SensorState,

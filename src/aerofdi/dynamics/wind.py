@@ -32,7 +32,7 @@ import numpy as np
 
 from ..core.errors import WrongUse
 from ..core.types import Array
-from ..parts.ops import cos, jit, log, maximum, pi
+from ..parts.ops import cos, lean, log, maximum, pi
 from ..parts.random import normal4
 from .types import Wind
 
@@ -208,7 +208,7 @@ def wind_state(params: WindParams) -> WindState:
     return WindState(np.zeros(params.B.shape), np.zeros(len(params.gusts)))
 
 
-@jit
+@lean
 def wind_start(params: WindParams, state: WindState, seed: int, run: int) -> None:
     """Draw the first turbulence from the stationary distribution; no distance flown into any gust."""
     for i in range(params.B.shape[0]):
@@ -218,10 +218,11 @@ def wind_start(params: WindParams, state: WindState, seed: int, run: int) -> Non
             for col in range(STATES):
                 total += params.start[i, row, col] * draw[col]
             state.x[i, row] = total
-    state.way[:] = 0.0
+    for i in range(state.way.shape[0]):
+        state.way[i] = 0.0
 
 
-@jit
+@lean
 def _output(c: Array, x: Array, axis: int, row: int) -> float:
     return (
         c[axis, row, 0] * x[axis, 0]
@@ -231,7 +232,7 @@ def _output(c: Array, x: Array, axis: int, row: int) -> float:
     )
 
 
-@jit
+@lean
 def _gust(amplitude: float, length: float, stays: float, way: float) -> float:
     """1-cosine of MIL-F-8785C 3.7.4: builds up over `length`, then stays, or dies away over the same
     length."""
@@ -242,7 +243,7 @@ def _gust(amplitude: float, length: float, stays: float, way: float) -> float:
     return 0.5 * amplitude * (1.0 - cos(pi * way / length)) if way < 2.0 * length else 0.0
 
 
-@jit
+@lean
 def shear_factor(params: WindParams, altitude: float) -> float:
     """Wind at this altitude over that at shear_height, ln(h/z0)/ln(h_ref/z0); held below 3 ft, 1 without
     shear."""
@@ -252,7 +253,7 @@ def shear_factor(params: WindParams, altitude: float) -> float:
     return log(h / params.roughness) / log(params.shear_height / params.roughness)
 
 
-@jit
+@lean
 def wind_now(params: WindParams, state: WindState, altitude: float) -> Wind:
     """The air's velocity and rotation now, at this altitude (m)."""
     f = shear_factor(params, altitude)
@@ -269,7 +270,7 @@ def wind_now(params: WindParams, state: WindState, altitude: float) -> Wind:
     return Wind(f * params.steady[0], f * params.steady[1], f * params.steady[2], u, v, w, p, q, r)
 
 
-@jit
+@lean
 def wind_advance(
     params: WindParams, state: WindState, seed: int, run: int, k: int, t: float, airspeed: float, dt: float
 ) -> None:
@@ -286,7 +287,7 @@ def wind_advance(
             state.way[i] += airspeed * dt
 
 
-@jit
+@lean
 def _filter_step(a: Array, b: Array, x: Array, i: int, noise: float) -> None:
     """x <- a x + b noise of axis i."""
     x0, x1, x2, x3 = x[i, 0], x[i, 1], x[i, 2], x[i, 3]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import WrongUse
-from .ops import jit
+from .ops import lean
 
 
 def delay_line(delay: float, value: float = 0.0) -> NDArray[np.float64]:
@@ -39,14 +39,14 @@ def delay_width(delay: float) -> int:
     return math.floor(delay) + 3
 
 
-@jit
+@lean
 def delay_fill(line: NDArray[np.float64], value: float) -> None:
     """As if the input had been `value` for ever."""
     for i in range(1, len(line)):
         line[i] = value
 
 
-@jit
+@lean
 def delay_step(line: NDArray[np.float64], u: float, delay: float) -> float:
     """Put this step's input in, take out the input of `delay` samples ago (held within the line's length).
 

@@ -1,6 +1,6 @@
 """Maths names for scalar code that runs in plain Python, compiles with Numba, and can be traced later.
 
-Use `where, minimum, maximum, clip` instead of `if` on values, and `@jit` on every function of the fast path.
+Use `where, minimum, maximum, clip` instead of `if` on values, and `@jit` (or `@lean`) on the fast path.
 Without Numba (or with NUMBA_DISABLE_JIT=1) the same source runs uncompiled.
 """
 
@@ -20,6 +20,7 @@ __all__ = [
     "floor",
     "inline",
     "jit",
+    "lean",
     "log",
     "maximum",
     "minimum",
@@ -48,22 +49,32 @@ def jit(function: F) -> F:
 
     Compiled calls release the interpreter, so that threads run them side by side.
     """
-    if not COMPILED:
-        return function
-    from .cache import cache_on_disk
+    return _compiled(function, _nrt=True)
 
-    compiled: F = cache_on_disk(numba.njit(error_model="numpy", nogil=True)(function))
-    return compiled
+
+def lean(function: F) -> F:
+    """As `jit`, for steps that create no array and return none (views within are fine).
+
+    Array arguments are then used without counting references, which in a step of nanoseconds costs more
+    than the work itself: a step with ten arrays in its tuples takes 10 ns instead of 190 ns.
+    """
+    return _compiled(function, _nrt=False)
 
 
 def inline(function: F) -> F:
-    """As `jit`, and merged into every compiled caller: for small functions that take large tuples, whose copying
-    would cost more than their work. A large function called several times is better left to `jit`."""
+    """As `lean`, and merged into every compiled caller: for small functions that take large tuples, whose
+    copying would cost more than their work. A large function called several times is better left to
+    `lean`."""
+    return _compiled(function, _nrt=False, forceinline=True)
+
+
+def _compiled(function: F, **options: bool) -> F:
+    # _nrt is always given: left out it would be taken from whichever caller happens to be compiled first.
     if not COMPILED:
         return function
     from .cache import cache_on_disk
 
-    compiled: F = cache_on_disk(numba.njit(error_model="numpy", nogil=True, forceinline=True)(function))
+    compiled: F = cache_on_disk(numba.njit(error_model="numpy", nogil=True, **options)(function))
     return compiled
 
 

@@ -11,12 +11,12 @@ Normals are the inverse of the normal distribution function at (word + 1/2) / 2^
 
 from __future__ import annotations
 
-from .ops import jit, log, sqrt
+from .ops import lean, log, sqrt
 
 MASK = 0xFFFFFFFF
 
 
-@jit
+@lean
 def philox(k0: int, k1: int, c0: int, c1: int, c2: int, c3: int) -> tuple[int, int, int, int]:
     """Philox4x32-10: key (k0, k1), counter (c0, c1, c2, c3), 32-bit words in wider integers -> 4 words."""
     for _ in range(10):
@@ -28,14 +28,14 @@ def philox(k0: int, k1: int, c0: int, c1: int, c2: int, c3: int) -> tuple[int, i
     return c0, c1, c2, c3
 
 
-@jit
+@lean
 def words4(seed: int, run: int, channel: int, step: int) -> tuple[int, int, int, int]:
     """Four 32-bit words for this (seed, run, channel, step): integers from 0, seed and run up to 2^63 - 1."""
     k0, k1 = seed & MASK, (seed >> 32) & MASK
     return philox(k0, k1, step & MASK, channel & MASK, run & MASK, (run >> 32) & MASK)
 
 
-@jit
+@lean
 def uniform4(seed: int, run: int, channel: int, step: int) -> tuple[float, float, float, float]:
     """Four numbers evenly spread over the open interval (0, 1), never 0 or 1."""
     a, b, c, d = words4(seed, run, channel, step)
@@ -43,7 +43,7 @@ def uniform4(seed: int, run: int, channel: int, step: int) -> tuple[float, float
     return (a + 0.5) * s, (b + 0.5) * s, (c + 0.5) * s, (d + 0.5) * s
 
 
-@jit
+@lean
 def normal4(seed: int, run: int, channel: int, step: int) -> tuple[float, float, float, float]:
     """Four independent standard normal numbers.
 
@@ -54,7 +54,7 @@ def normal4(seed: int, run: int, channel: int, step: int) -> tuple[float, float,
     return inverse_normal(a), inverse_normal(b), inverse_normal(c), inverse_normal(d)
 
 
-@jit
+@lean
 def inverse_normal(p: float) -> float:
     """The x with P(X <= x) = p for a standard normal X, 0 < p < 1 (Wichura's PPND16)."""
     q = p - 0.5
@@ -66,7 +66,7 @@ def inverse_normal(p: float) -> float:
     return -x if q < 0.0 else x
 
 
-@jit
+@lean
 def _central(q: float) -> float:
     r = 0.180625 - q * q
     n = (((r * 2509.0809287301226727 + 33430.575583588128105) * r + 67265.770927008700853) * r
@@ -78,7 +78,7 @@ def _central(q: float) -> float:
     return q * n / d
 
 
-@jit
+@lean
 def _shoulder(r: float) -> float:
     n = (((r * 7.7454501427834140764e-4 + 0.0227238449892691845833) * r + 0.24178072517745061177) * r
          + 1.27045825245236838258) * r + 3.64784832476320460504  # fmt: skip
@@ -89,7 +89,7 @@ def _shoulder(r: float) -> float:
     return n / d
 
 
-@jit
+@lean
 def _far(r: float) -> float:
     n = (((r * 2.01033439929228813265e-7 + 2.71155556874348757815e-5) * r + 0.0012426609473880784386) * r
          + 0.026532189526576123093) * r + 0.29656057182850489123  # fmt: skip

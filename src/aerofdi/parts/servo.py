@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import WrongUse
-from .ops import clip, jit, maximum, minimum
+from .ops import clip, lean, maximum, minimum
 
 B1, A12, B2, A22, LOWER, UPPER, RATE, PERIOD = range(8)
 WIDTH = 8
@@ -74,7 +74,7 @@ def _linear_part(order: int, w: float, zeta: float, dt: float) -> tuple[float, f
     return 1.0 - phi[0, 0], phi[0, 1], -phi[1, 0], phi[1, 1]
 
 
-@jit
+@lean
 def servo_step(c: NDArray[np.float64], x: float, v: float, command: float) -> tuple[float, float]:
     """One step of a servo: (position, speed) now, command held over the step -> (position, speed) at its end.
 

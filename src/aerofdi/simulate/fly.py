@@ -100,7 +100,7 @@ def stamps(steps: int, every: int, dt: float) -> Array:
 
 
 def assemble(r: Run, flown: int, requests: Any = None) -> Flight:
-    """The Flight of a run of which `flown` steps were flown. requests: (control instants,) HOLD_LEVEL or 0."""
+    """The Flight of the first `flown` steps of a run. requests: (control instants,) HOLD_LEVEL or 0."""
     p, dt = r.params, r.params.dt
     clocks: dict[int, Array] = {}
 

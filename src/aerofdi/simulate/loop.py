@@ -38,7 +38,7 @@ from ..dynamics.sensors import (
 )
 from ..dynamics.types import Effects, Outputs, State, Surfaces, Wind
 from ..dynamics.wind import WindParams, WindState, wind_advance, wind_now, wind_start
-from ..parts.ops import jit
+from ..parts.ops import lean
 
 AIR = 6  # truth columns after those of sensors: wind north, east, down, and its rotation p, q, r
 DIVERGED = 1e4  # m/s or rad/s: beyond this the flight is over
@@ -105,7 +105,7 @@ class Motion(NamedTuple):
     guide: guidance.State
 
 
-@jit
+@lean
 def _surfaces(felt: Array) -> Surfaces:
     """The deflections as the plant's tuple of eight; felt has the throttle after the surfaces."""
     n = felt.shape[0] - 1
@@ -121,17 +121,17 @@ def _surfaces(felt: Array) -> Surfaces:
     )
 
 
-@jit
+@lean
 def _effects(e: Array) -> Effects:
     return Effects(e[0], e[1], e[2], e[3], e[4], e[5])
 
 
-@jit
+@lean
 def _reading(feed: np.ndarray, reading: Array, i: int) -> float:
     return reading[feed[i]] if feed[i] >= 0 else 0.0
 
 
-@jit
+@lean
 def measured(feed: np.ndarray, r: Array) -> Measured:
     """The last readings as the autopilot sees them; a quantity without a sensor reads 0."""
     return Measured(
@@ -142,13 +142,13 @@ def measured(feed: np.ndarray, r: Array) -> Measured:
     )  # fmt: skip
 
 
-@jit
+@lean
 def _look(m: Memory, x: State, z: Outputs) -> None:
     """Fill the true values of this instant."""
     true_values(x, z, to_ned(x.e0, x.e1, x.e2, x.e3, x.u, x.v, x.w), m.truth)
 
 
-@jit
+@lean
 def _record_truth(p: Params, m: Memory, row: Array, x: State, wind: Wind) -> None:
     n, felt, size = m.truth.shape[0], m.actuators.felt, m.faults.size
     for i in range(n):
@@ -164,7 +164,7 @@ def _record_truth(p: Params, m: Memory, row: Array, x: State, wind: Wind) -> Non
         row[n + i] = size[i]
 
 
-@jit
+@lean
 def _fly_by(p: Params, m: Memory, out: Record, pilot: Any, guide: Any, k: int, t: float, request: int) -> Any:
     """The autopilot's instant: reference, command, and both on record."""
     z = measured(p.feed, m.sensors.reading)
@@ -184,7 +184,7 @@ def _fly_by(p: Params, m: Memory, out: Record, pilot: Any, guide: Any, k: int, t
     return pilot, guide
 
 
-@jit
+@lean
 def _flies(x: State) -> bool:
     """False once anything is not finite or absurd; NaN compares false."""
     speed = x.u * x.u + x.v * x.v + x.w * x.w
@@ -192,7 +192,7 @@ def _flies(x: State) -> bool:
     return speed < DIVERGED * DIVERGED and spin < DIVERGED * DIVERGED and x.engine * x.engine < 1e12
 
 
-@jit
+@lean
 def begin(p: Params, m: Memory, x: State, seed: int, run: int) -> None:
     """Draw the first turbulence and the turn-on biases; fill the sensors' delay lines with the first true
     values.
@@ -205,7 +205,7 @@ def begin(p: Params, m: Memory, x: State, seed: int, run: int) -> None:
     sensors_start(p.sensors, m.sensors, m.truth, seed, run)
 
 
-@jit
+@lean
 def advance(
     p: Params, m: Memory, out: Record, motion: Motion, seed: int, run: int, stop: int, request: int
 ) -> Motion:
