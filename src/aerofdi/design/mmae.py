@@ -11,8 +11,9 @@ deflection as a state:
 with y1 = C x and the measurement yk. Gains from the discrete Riccati equation. See `diagnosers.mmae` for the
 rest.
 
-Deflections may be absolute although the model is a perturbation about trim, wherever trim deflections cancel
-in B (a left and right pair in a lateral model); elsewhere give commands about trim.
+The model is a perturbation about a trim, whose deflections are taken off the commands (and put back on
+estimates). They need not be known where they cancel in B, as those of a left and a right surface do in a
+lateral model.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ class Tuning(NamedTuple):
 
     state_std: per state, per sample. measured: signal -> standard deviation of its noise; these drive the
     filters. weight: signal -> entry of W (13), for all signals compared. stuck_std: per sample, of the
-    wandering stuck position. delay: samples of pure delay before the measured signals. compare_delay: samples
+    wandering stuck position. delay: samples of pure delay before the measured signals; command_delay: samples
+    before the actuators, any number. compare_delay: samples
     by which the prediction of a signal that is compared but not measured is held back. low_pass: bandwidth of
     the fifth-order Bessel filters, rad/s. gain, threshold, quorum: of (14). prior: of the healthy model; the
     rest share what is left. floor: lowest probability. rule: PAPER or TEXTBOOK. settle_s, max_gap_s,
@@ -45,6 +47,7 @@ class Tuning(NamedTuple):
     weight: Mapping[str, float]
     stuck_std: float = 1e-3
     delay: int = 0
+    command_delay: float = 0.0
     compare_delay: int = 1
     low_pass: float = 5.0
     gain: float = 0.04
@@ -189,6 +192,7 @@ def design_mmae(
     dt_s: float,
     tuning: Tuning,
     *,
+    trim: Sequence[float] | None = None,
     units: Mapping[str, str] | None = None,
     group: str = "",
     aircraft_hash: str = "",
@@ -214,11 +218,12 @@ def design_mmae(
     t, models, size = tuning, len(suspects) + 1, bank["A"].shape[1]
     prior = np.log(np.array([t.prior] + [(1 - t.prior) / len(suspects)] * len(suspects)))
     settings = [t.gain, t.threshold, t.quorum, np.log(t.floor), t.rule, t.compare_delay, t.settle_s / dt_s,
-                t.max_gap_s / dt_s, 0.5]  # fmt: skip
+                t.max_gap_s / dt_s, 0.5, t.command_delay]  # fmt: skip
     params = bank | {
         "measured": np.array([float(j in measured) for j in range(len(signals))]),
         "weight": np.array([t.weight.get(s, 0.0) for s in signals]),
         "start": _start(pick, measured, t.delay, size),
+        "trim": np.zeros(len(surfaces)) if trim is None else np.asarray(trim, float),
         "servo": np.asarray(servos, float),
         "low": bessel_sections(LOW_PASS_ORDER, t.low_pass, dt_s),
         "prior": prior,

@@ -27,6 +27,7 @@ import numpy as np
 
 from ..core import HEALTHY, Array, Channels, Design, Diagnoser, Hypothesis, Verdict
 from ..parts.bessel import sections_step
+from ..parts.delay_line import delay_fill, delay_line, delay_step
 from ..parts.ops import exp, jit, log
 from ..parts.servo import servo_step
 
@@ -42,9 +43,9 @@ class Params(NamedTuple):
     zero in columns of signals that are compared but not measured. measured (ns,): 1 or 0. weight (ns,):
     diagonal of W. S_inv (N, ns, ns), log_beta (N,): inverse and -1/2 log det of the innovation covariance.
     start (n, ns): states from the first sample. stuck (N,): index of the stuck command, -1 for healthy. std
-    (N,): of the stuck position, rad. servo (nu, 8): see `parts.servo`. low (nl, 5): sections of the low pass
-    of the residuals, see `parts.bessel`. prior (N,): log. settings: by the indices GAIN ... below. max_age
-    (nz,) s.
+    (N,): of the stuck position, rad. trim (nu,): deflections the model is about, rad. servo (nu, 8): see
+    `parts.servo`. low (nl, 5): sections of the low pass of the residuals, see `parts.bessel`. prior (N,):
+    log. settings: by the indices GAIN ... below. max_age (nz,) s.
     """
 
     A: Array
@@ -58,6 +59,7 @@ class Params(NamedTuple):
     start: Array
     stuck: Array
     std: Array
+    trim: Array
     servo: Array
     low: Array
     prior: Array
@@ -65,16 +67,18 @@ class Params(NamedTuple):
     max_age: Array
 
 
-GAIN, THRESHOLD, QUORUM, FLOOR, RULE, COMPARE_DELAY, SETTLE, MAX_GAP, VALID = range(9)
+GAIN, THRESHOLD, QUORUM, FLOOR, RULE, COMPARE_DELAY, SETTLE, MAX_GAP, VALID, COMMAND_DELAY = range(10)
 
 
 class State(NamedTuple):
-    """x (N, n). servo (nu, 2): position, speed. ring (N, D + 1, ns): predictions of the last samples. low (N,
-    ns, nl, 2). log_p (N,). clock (3,): samples since the last start, bad samples in a row, place in the ring.
+    """x (N, n). servo (nu, 2): position, speed. line (nu, w): delayed commands. ring (N, D + 1, ns):
+    predictions of the last samples. low (N, ns, nl, 2). log_p (N,). clock (3,): samples since the last start,
+    bad samples in a row, place in the ring.
     """
 
     x: Array
     servo: Array
+    line: Array
     ring: Array
     low: Array
     log_p: Array
@@ -86,8 +90,9 @@ def init(params: Params) -> State:
     models, n, nu = params.B.shape
     ns, nl = len(params.weight), len(params.low)
     ring = np.zeros((models, int(params.settings[COMPARE_DELAY]) + 1, ns))
+    line = np.stack([delay_line(float(params.settings[COMMAND_DELAY])) for _ in range(nu)])
     return State(
-        np.zeros((models, n)), np.zeros((nu, 2)), ring, np.zeros((models, ns, nl, 2)), params.prior.copy(),
+        np.zeros((models, n)), np.zeros((nu, 2)), line, ring, np.zeros((models, ns, nl, 2)), params.prior.copy(),
         np.zeros(3, dtype=np.int64),
     )  # fmt: skip
 
@@ -110,6 +115,7 @@ def _start(params: Params, state: State, z: Array) -> None:
     models, n, nu = params.B.shape
     ns = len(params.weight)
     for a in range(nu):
+        delay_fill(state.line[a], z[ns + a])
         state.servo[a, 0] = z[ns + a]
         state.servo[a, 1] = 0.0
     for i in range(models):
@@ -119,7 +125,8 @@ def _start(params: Params, state: State, z: Array) -> None:
                 x += params.start[s, j] * z[j]
             state.x[i, s] = x
         if params.stuck[i] >= 0:
-            state.x[i, n - 1] = z[ns + int(params.stuck[i])]
+            a = int(params.stuck[i])
+            state.x[i, n - 1] = z[ns + a] - params.trim[a]
         for j in range(ns):
             for d in range(state.ring.shape[1]):
                 state.ring[i, d, j] = z[j]
@@ -137,7 +144,7 @@ def _predict(params: Params, state: State, i: int, x: Array) -> None:
         for j in range(n):
             total += params.A[i, s, j] * state.x[i, j]
         for a in range(nu):
-            total += params.B[i, s, a] * state.servo[a, 0]
+            total += params.B[i, s, a] * (state.servo[a, 0] - params.trim[a])
         x[s] = total
 
 
@@ -224,7 +231,7 @@ def _say(params: Params, state: State, status: int, evidence: Array, out: Verdic
         out.residual[k, i] = evidence[i] if status == 0 or status == 1 else np.nan
         out.threshold[k, i] = params.settings[THRESHOLD] if int(params.settings[RULE]) == PAPER else np.nan
         if params.stuck[i] >= 0 and status == 0:
-            out.estimate[k, i] = state.x[i, n - 1]
+            out.estimate[k, i] = state.x[i, n - 1] + params.trim[int(params.stuck[i])]
             out.estimate_std[k, i] = params.std[i]
         else:
             out.estimate[k, i] = np.nan
@@ -249,8 +256,9 @@ def _advance(params: Params, state: State, z: Array, evidence: Array) -> None:
             state.x[i, s] = x[s]
     state.clock[PLACE] += 1
     for a in range(nu):
+        u = delay_step(state.line[a], z[ns + a], params.settings[COMMAND_DELAY])
         state.servo[a, 0], state.servo[a, 1] = servo_step(
-            params.servo[a], state.servo[a, 0], state.servo[a, 1], z[ns + a]
+            params.servo[a], state.servo[a, 0], state.servo[a, 1], u
         )
 
 
@@ -295,8 +303,9 @@ def from_design(design: Design, name: str = "mmae") -> Diagnoser:
     half: back to the prior probabilities). Hypotheses: healthy, then one surface stuck each, estimate in rad
     about neutral. Residuals: RES_i of (13), or 1/2 r' P^-1 r for the textbook rule.
 
-    Guarantee: any model at the floor returns to one half after at most log(1/floor) more evidence than the others have,
-    whatever happened before. Not modelled: two faults at once, partly effective surfaces, other modes.
+    Guarantee: any model at the floor returns to one half after at most log(1/floor) more evidence than the
+    others have, whatever happened before. Not modelled: two faults at once, partly effective surfaces, other
+    modes.
 
     Source: paper "vireo_comparison", section 3.3.
     """

@@ -72,8 +72,8 @@ def load_envelopes(path: Path | None = None) -> tuple[Envelope, ...]:
         return tuple(_envelope(name, row) for name, row in table.items())
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise UnreadableFile(
-            f"{path}: {error!r}; an envelope needs text, horizon_s, source, assumed, and phi_deg or theta_deg "
-            f"= [low, high]"
+            f"{path}: {error!r}; an envelope needs text, horizon_s, source, assumed, and phi_deg or "
+            f"theta_deg = [low, high]"
         ) from error
 
 

@@ -157,6 +157,17 @@ def _detection(
     )  # fmt: skip
 
 
+def _inherited(healthy: Mask, detected: Mask) -> Mask:
+    """Samples of an alarm that was already on when a healthy stretch after a fault began."""
+    out = np.zeros(len(healthy), bool)
+    starts = np.flatnonzero(healthy & ~np.concatenate(([False], healthy[:-1])))
+    for k in starts:
+        if k > 0 and detected[k - 1] and detected[k]:
+            quiet = np.flatnonzero(~detected[k:])
+            out[k : k + (quiet[0] if len(quiet) else len(out))] = True
+    return out
+
+
 def score(
     t_s: Array,
     verdict: Verdict,
@@ -193,6 +204,7 @@ def score(
     healthy = ok.copy()
     for f in faults:
         healthy &= ~((t_s >= f.start_s) & (t_s < f.end_s + clear_s))
+    healthy &= ~_inherited(healthy, verdict.detected)
     dt = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
     alarms = rising_edges(healthy & verdict.detected, t_s, merge_s)
     share = float(np.mean(ok[settled])) if settled.any() else math.nan
