@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,11 +28,10 @@ class Table(NamedTuple):
 
 @dataclass
 class Log:
-    """A log as it was written. tables: topic -> Table; seen: topic -> count, also of topics that were not
-    decoded.
+    """A log as it was written.
 
-    clock says in words what t_s counts from; info holds what the format says of itself (firmware, vehicle
-    type).
+    tables: topic -> Table. seen: topic -> count, also of topics that were not decoded. clock says in words
+    what t_s counts from; info holds what the format says of itself (firmware, vehicle type).
     """
 
     format: str
@@ -52,6 +51,12 @@ class Log:
 
 
 Reader = Callable[[Path, Topics], Log]
+
+
+def printable(text: str, longest: int = 60) -> str:
+    """Text from a file as it may stand in a message: one line, no control characters, not too long."""
+    clean = "".join(c if c.isprintable() else "?" for c in text)
+    return clean if len(clean) <= longest else f"{clean[: longest - 3]}..."
 
 
 def unreadable(path: Path, why: str) -> UnreadableFile:
@@ -77,14 +82,21 @@ def guarded(path: Path, what: str) -> Iterator[None]:
     Foreign parsers raise nearly every exception type on corrupt data, so nearly every one is caught here, and
     only here; running out of memory on a corrupt length field is one of them.
     """
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+    with (
+        contextlib.redirect_stdout(io.StringIO()),
+        contextlib.redirect_stderr(io.StringIO()),
+        warnings.catch_warnings(),
+        np.errstate(all="ignore"),
+    ):
+        warnings.simplefilter("ignore")
         try:
             yield
         except AerofdiError:
             raise
         except (Exception, MemoryError) as error:
-            text = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-            raise unreadable(path, f"not a readable {what}: {text}") from error
+            text = str(error).strip().splitlines()
+            reason = printable(text[0], 120) if text else type(error).__name__
+            raise unreadable(path, f"not a readable {what}: {reason}") from error
 
 
 def ordered(t_s: Array, columns: dict[str, NDArray[Any]]) -> Table:
@@ -100,7 +112,3 @@ def ordered(t_s: Array, columns: dict[str, NDArray[Any]]) -> Table:
 
 def wants(topics: Topics, name: str) -> bool:
     return topics is None or name in topics
-
-
-def file_size(path: Path) -> int:
-    return os.path.getsize(path)

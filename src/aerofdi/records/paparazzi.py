@@ -60,7 +60,7 @@ def read_paparazzi(path: Path, topics: Topics) -> Log:
             bad += 1
             continue
         seen[name] = seen.get(name, 0) + 1
-        if wants(topics, name) and len(parts) == 4:
+        if (wants(topics, name) or name == "SETTINGS") and len(parts) == 4:
             times.setdefault(name, []).append(t)
             rows.setdefault(name, []).append(parts[3])
     if bad >= max(1, sum(seen.values())):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..core import Flight, UnreadableFile
-from .log import Log, Topics
+from .log import Log, Topics, guarded, printable
 from .parquet import is_flight_file, read_flight
 from .plain import house_profile
 from .profile import Profile, load_profile, shipped
@@ -28,13 +28,19 @@ def read(path: str | Path, profile: str | Path | Profile | None = None) -> Fligh
     kind = format_of(path)
     if kind == "parquet" and profile is None and is_flight_file(path):
         return read_flight(path)
-    reader = reader_of(kind)
     if profile is not None:
         chosen = load_profile(profile)
-        return translate(reader(path, frozenset(chosen.topics)), chosen, path)
+        return translate(read_log(path, kind, frozenset(chosen.topics)), chosen, path)
     candidates = [p for p in shipped().values() if kind in p.reader]
-    log = reader(path, _topics(candidates))
+    log = read_log(path, kind, _topics(candidates))
     return translate(log, _best(candidates, log, path), path)
+
+
+def read_log(path: Path, kind: str, topics: Topics = None) -> Log:
+    """The log as it was written, before translation; kind as `format_of` says. For writing a profile."""
+    reader = reader_of(kind)
+    with guarded(path, f"{kind} log"):
+        return reader(path, topics)
 
 
 def _topics(candidates: list[Profile]) -> Topics:
@@ -53,7 +59,7 @@ def _best(candidates: list[Profile], log: Log, path: Path) -> Profile:
 
 
 def no_profile(candidates: list[Profile], log: Log, path: Path) -> UnreadableFile:
-    have = sorted(log.seen)
+    have = sorted(printable(name) for name in log.seen)
     shown = ", ".join(have[:20]) + (f" and {len(have) - 20} more" if len(have) > 20 else "")
     tried = ", ".join(profile.name for profile in candidates) or "none for this format"
     return UnreadableFile(

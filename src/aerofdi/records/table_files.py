@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import io
 import zlib
 from collections import Counter
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .log import Log, Table, Topics, guarded, read_bytes, unreadable
+from .mat5 import check_mat5
 
 MAX_UNPACKED = 4 << 30
 ROW_CLOCK = "row numbers; name the time field in [time] of the profile"
@@ -120,10 +122,13 @@ def read_mat(path: Path, topics: Topics) -> Log:
     """
     from scipy.io import loadmat
 
-    if read_bytes(path)[:20].startswith(b"MATLAB 7.3"):
+    data = read_bytes(path)
+    if data.startswith(b"MATLAB 7.3"):
         raise unreadable(path, "is a MATLAB 7.3 (HDF5) file; save it in MATLAB with save(..., '-v7')")
     with guarded(path, "MATLAB file"):
-        raw = loadmat(path, squeeze_me=True, struct_as_record=False)
+        if data.startswith(b"MATLAB 5") or data[126:128] in (b"IM", b"MI"):
+            check_mat5(data)
+        raw = loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=False)
         raw = {key: value for key, value in raw.items() if not key.startswith("__")}
         found: dict[str, NDArray[Any]] = {}
         for key, value in raw.items():

@@ -27,7 +27,7 @@ class Frame(NamedTuple):
 
 
 def frames(data: bytes) -> Iterator[Frame]:
-    """Every frame of the log, found by its layout; garbage between frames is skipped. CRCs are checked later."""
+    """Every frame of the log, by layout; garbage between frames is skipped. CRCs are checked later."""
     at, end = 0, len(data)
     while at + 16 <= end:
         start = at + 8

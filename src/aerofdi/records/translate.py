@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import Array, Flight, Series, WrongUse
-from .log import Log, Table, ordered, unreadable
+from .log import Log, Table, ordered, printable, unreadable
 from .profile import ChannelSpec, Profile
 from .px4 import px4_surfaces
 from .servos import ardupilot_surfaces
@@ -58,7 +58,7 @@ def _with_time(log: Log, profile: Profile, path: Path) -> Log:
 
 
 def seconds(raw: NDArray[Any], unit: str) -> tuple[Array, bool]:
-    """Stamps in s. Those that count from 1970 (later than 1989) start at 0 instead; True where that was so."""
+    """Stamps in s. Those that count from 1970 (beyond 1989) start at 0 instead; True where so."""
     factor = _TIME_FACTOR[unit]
     finite = raw[np.isfinite(raw)] if raw.dtype.kind == "f" else raw
     first = finite.min() if len(finite) else 0
@@ -221,7 +221,7 @@ def translate(log: Log, profile: Profile, path: Path) -> Flight:
     if "scheme" in profile.outputs:
         _SCHEMES[profile.outputs["scheme"]](log, profile, flight)
     if not any(len(s.t_s) for t in (flight.measured, flight.output, flight.truth) for s in t.values()):
-        have = ", ".join(sorted(log.seen)[:12]) or "nothing"
+        have = ", ".join(printable(name) for name in sorted(log.seen)[:12]) or "nothing"
         raise unreadable(path, f"holds none of the channels of profile {profile.name!r}; it has {have}")
     _prune(flight)
     return flight

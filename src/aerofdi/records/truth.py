@@ -9,7 +9,8 @@ from ..core import Flight, Series
 from .log import unreadable
 from .plain import house_profile
 from .profile import Profile, load_profile, shipped
-from .sniff import format_of, reader_of
+from .read import read_log
+from .sniff import format_of
 from .translate import matches, translate
 
 
@@ -23,7 +24,7 @@ def attach_truth(flight: Flight, path: str | Path, profile: str | Path | Profile
     """
     path = Path(path)
     kind = format_of(path)
-    log = reader_of(kind)(path, None)
+    log = read_log(path, kind)
     chosen = None if profile is None else load_profile(profile)
     if chosen is None:
         scored = [(matches(p, log), p) for p in shipped().values() if kind in p.reader]

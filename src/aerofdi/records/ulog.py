@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,27 @@ from .log import Log, Topics, guarded, ordered, read_bytes, unreadable
 
 # Stamps above this (about 2001) count from 1970: a log of a simulation on the computer's clock.
 ABSOLUTE_US = 10**15
+MAX_IDLE = 300_000
+
+
+class _Progressing(io.BytesIO):
+    """Bytes that end a parser which reads on and on without ever getting further.
+
+    pyulog steps back by the length a header claims even where fewer bytes were left, so it never ends on some
+    files that are cut off within their definitions.
+    """
+
+    furthest = 0
+    idle = 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        out = super().read(size)
+        here = self.tell()
+        self.idle = 0 if here > self.furthest else self.idle + 1
+        self.furthest = max(self.furthest, here)
+        if self.idle > MAX_IDLE:
+            raise EOFError("cut off or damaged within its definitions")
+        return out
 
 
 def euler(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
@@ -59,7 +81,7 @@ def _info(raw: dict[str, Any]) -> dict[str, str]:
 
 
 def _earliest(log: Any) -> int:
-    """The earliest stamp (us) of all topics on an absolute clock; stamps of 0 (never published) do not count."""
+    """The earliest stamp (us) of all topics on an absolute clock; 0 (never published) does not count."""
     first = [int(log.start_timestamp)]
     for data in log.data_list:
         stamps = np.asarray(data.data["timestamp"], dtype=np.uint64)
@@ -77,20 +99,20 @@ def read_ulog(path: Path, topics: Topics) -> Log:
     """
     from pyulog import ULog
 
-    read_bytes(path)
+    data = read_bytes(path)
     with guarded(path, "ULog"):
         names = None if topics is None else sorted({topic.partition(":")[0] for topic in topics})
-        log = ULog(str(path), names, disable_str_exceptions=True)
+        log = ULog(_Progressing(data), names, disable_str_exceptions=True)
         absolute = int(log.start_timestamp) > ABSOLUTE_US
-        zero = _earliest(ULog(str(path), None, disable_str_exceptions=True)) if absolute else 0
+        zero = _earliest(ULog(_Progressing(data), None, disable_str_exceptions=True)) if absolute else 0
         tables, seen = {}, {}
-        for data in log.data_list:
-            name = data.name if data.multi_id == 0 else f"{data.name}:{data.multi_id}"
-            stamps = np.asarray(data.data["timestamp"], dtype=np.uint64)
+        for topic in log.data_list:
+            name = topic.name if topic.multi_id == 0 else f"{topic.name}:{topic.multi_id}"
+            stamps = np.asarray(topic.data["timestamp"], dtype=np.uint64)
             # 0 marks a topic that was never published; on an absolute clock a small stamp is nonsense.
             keep = (stamps > 0) & (stamps < 2**62) & ((stamps >= ABSOLUTE_US) | (not absolute))
             t = (stamps[keep].astype(np.int64) - zero).astype(float) * 1e-6
-            columns = {k: np.asarray(v)[keep] for k, v in data.data.items() if k != "timestamp"}
+            columns = {k: np.asarray(v)[keep] for k, v in topic.data.items() if k != "timestamp"}
             tables[name] = ordered(t, _with_angles(columns))
             seen[name] = int(keep.sum())
         parameters = _parameters(log)
@@ -100,18 +122,18 @@ def read_ulog(path: Path, topics: Topics) -> Log:
         if log.file_corruption:
             notes.append("the file is damaged; what could be read is shown")
     if not seen and names is not None:
-        return _empty(path)
+        return _empty(path, data)
     clock = "0 at the earliest stamp of all topics" if absolute else "autopilot boot time"
     return Log("ulog", tables, clock, parameters, events, info, seen, notes)
 
 
-def _empty(path: Path) -> Log:
+def _empty(path: Path, data: bytes) -> Log:
     """What a log without any wanted topic has, for the error message of the caller."""
     from pyulog import ULog
 
     with guarded(path, "ULog"):
-        log = ULog(str(path), disable_str_exceptions=True)
-        seen = {data.name: len(data.data["timestamp"]) for data in log.data_list}
+        log = ULog(_Progressing(data), disable_str_exceptions=True)
+        seen = {topic.name: len(topic.data["timestamp"]) for topic in log.data_list}
     if not seen:
         raise unreadable(path, "holds no data: it is cut off before the first message, or nothing was logged")
     return Log("ulog", {}, "", seen=seen)
