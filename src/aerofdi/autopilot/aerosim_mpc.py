@@ -200,15 +200,18 @@ def predict(
 
 
 @jit
-def guidance_qp(g: Gains, ref: Reference, z: Measured, last: float, H: Array, f: Array, limit: Array) -> None:
-    """Fill min 1/2 r'Hr + f'r, |r| <= limit, the program at the top. H: (N, N). f, limit: (N,)."""
+def guidance_qp(
+    g: Gains, ref: Reference, z: Measured, last: float, H: Array, f: Array, lo: Array, hi: Array
+) -> None:
+    """Fill min 1/2 r'Hr + f'r, lo <= r <= hi, the program at the top. H: (N, N). f, lo, hi: (N,)."""
     n = len(f)
     w_y = 1.0 / (g.track_scale * g.track_scale) if ref.lateral == TRACK else 0.0
     w_e, w_r = 1.0 / (g.heading_scale * g.heading_scale), 1.0 / (g.rate_scale * g.rate_scale)
     Y, E, y, e = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n)
     predict(g, ref, z, last, Y, E, y, e)
     for i in range(n):
-        limit[i] = GRAVITY * tan(g.bank_max) / maximum(z.airspeed, 1.0)
+        hi[i] = GRAVITY * tan(g.bank_max) / maximum(z.airspeed, 1.0)
+        lo[i] = -hi[i]
         f[i] = 0.0
         for j in range(n):
             H[i, j] = 0.0
@@ -227,9 +230,10 @@ def guidance_qp(g: Gains, ref: Reference, z: Measured, last: float, H: Array, f:
 @jit
 def guide(g: Gains, ref: Reference, z: Measured, last: float) -> float:
     """The yaw-rate command, rad/s: r_0 of the program, or of the best feasible point if steps ran out."""
-    H, f, limit, r = np.zeros((HORIZON, HORIZON)), np.zeros(HORIZON), np.zeros(HORIZON), np.zeros(HORIZON)
-    guidance_qp(g, ref, z, last, H, f, limit)
-    solve_box_qp(H, f, -limit, limit, r)
+    H, f, r = np.zeros((HORIZON, HORIZON)), np.zeros(HORIZON), np.zeros(HORIZON)
+    lo, hi = np.zeros(HORIZON), np.zeros(HORIZON)
+    guidance_qp(g, ref, z, last, H, f, lo, hi)
+    solve_box_qp(H, f, lo, hi, r)
     return r[0]
 
 

@@ -1,9 +1,9 @@
 """Small dense quadratic programs with bounds, solved exactly: min 1/2 x'Hx + g'x, lo <= x <= hi.
 
-Primal active set: the minimum over the free variables by Cholesky; if it lies outside the bounds, go as far as the
-first bound and fix that variable there; if inside, free the bounded variable whose multiplier has the wrong sign
-most. Every step lowers the cost or shortens the free set, so it ends after finitely many steps at a point that meets
-the optimality (KKT) conditions to rounding. For up to a few dozen variables.
+Primal active set: the minimum over the free variables by Cholesky; if it lies outside the bounds, go as far
+as the first bound and fix that variable there; if inside, free the bounded variable whose multiplier has
+the wrong sign most. Every step lowers the cost or shortens the free set, so it ends after finitely many
+steps at a point that meets the optimality (KKT) conditions to rounding. For up to a few dozen variables.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ LOWER, FREE, UPPER = -1, 0, 1
 
 
 @jit
-def _solve_free(H: Array, rhs: Array, index: Array, m: int, L: Array, y: Array) -> None:
-    """y[:m] such that H[free, free] y = rhs[free], by Cholesky in the work array L."""
+def _newton(H: Array, gradient: Array, index: Array, m: int, L: Array, y: Array) -> None:
+    """y[:m] such that H[free, free] y = -gradient[free], by Cholesky in the work array L."""
     for i in range(m):
         for j in range(i + 1):
             total = H[int(index[i]), int(index[j])]
@@ -26,7 +26,7 @@ def _solve_free(H: Array, rhs: Array, index: Array, m: int, L: Array, y: Array) 
                 total -= L[i, k] * L[j, k]
             L[i, j] = sqrt(maximum(total, 1e-300)) if i == j else total / L[j, j]
     for i in range(m):
-        total = rhs[int(index[i])]
+        total = -gradient[int(index[i])]
         for k in range(i):
             total -= L[i, k] * y[k]
         y[i] = total / L[i, i]
@@ -49,7 +49,7 @@ def _gradient(H: Array, g: Array, x: Array, out: Array) -> None:
 
 @jit
 def _first_bound(x: Array, y: Array, index: Array, m: int, lo: Array, hi: Array) -> tuple[float, int]:
-    """How far (0 to 1) x[free] may go by y, and the position in `index` of the variable that stops it, -1 for none."""
+    """How far (0 to 1) x[free] may go by y, and the position in `index` of what stops it, -1 for nothing."""
     far, which = 1.0, -1
     for i in range(m):
         j = int(index[i])
@@ -72,10 +72,10 @@ def _worst_multiplier(gradient: Array, side: Array, tolerance: float) -> int:
 
 @jit
 def solve_box_qp(H: Array, g: Array, lo: Array, hi: Array, x: Array, most: int = 200) -> int:
-    """Solve in place, starting from x (held to the bounds first); the number of steps, or -1 if `most` were not enough.
+    """Solve in place, starting from x (held to the bounds first); the steps it took, -1 if `most` were too few.
 
-    H: (n, n) symmetric positive definite. g, lo, hi, x: (n,), lo < hi. On -1 x is feasible and no worse than the
-    start. Arrays other than x stay untouched.
+    H: (n, n) symmetric positive definite. g, lo, hi, x: (n,), lo < hi. On -1 x is feasible and no worse
+    than the start. Arrays other than x stay untouched.
 
     >>> import numpy as np
     >>> x = np.zeros(2)
@@ -100,7 +100,7 @@ def solve_box_qp(H: Array, g: Array, lo: Array, hi: Array, x: Array, most: int =
             if side[i] == FREE:
                 index[m] = i
                 m += 1
-        _solve_free(H, -gradient, index, m, L, y)
+        _newton(H, gradient, index, m, L, y)
         far, which = _first_bound(x, y, index, m, lo, hi)
         for i in range(m):
             x[int(index[i])] += far * y[i]
