@@ -118,7 +118,9 @@ def filter_poles(f: Filter, rate_bound: float, V: Array) -> Array:
     return np.linalg.eigvals(np.stack([A + r * R for r in (-rate_bound, 0.0, rate_bound)]))
 
 
-def certificate(problem: Estimation, sol: Solution, options: Options, f: Filter, points: int = 161) -> dict[str, Any]:
+def certificate(
+    problem: Estimation, sol: Solution, options: Options, f: Filter, points: int = 161
+) -> dict[str, Any]:
     """Everything a reader needs to trust or distrust a filter, as plain numbers and strings.
 
     on_grid_only: a scaled eigenvalue above LIMIT remains between the nodes, so gamma is proved at the nodes alone.
@@ -160,4 +162,3 @@ def refine(V: Array, check: Array, dense: Array, most: int = 6) -> Array:
             bad.append((check[j], dense[j]))
     new = [v for _, v in sorted(bad, reverse=True)[:most]]
     return np.unique(np.concatenate((V, new)))
-

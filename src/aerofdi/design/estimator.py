@@ -92,7 +92,9 @@ class Filter(NamedTuple):
 
     def at_rate(self, rate: float = 0.0) -> Gridded:
         """The filter frozen at one Vdot, m/s^2."""
-        return Gridded(self.V, self.A + rate * self.A_rate, self.B, self.C, self.D, self.inputs, (self.output,))
+        return Gridded(
+            self.V, self.A + rate * self.A_rate, self.B, self.C, self.D, self.inputs, (self.output,)
+        )
 
 
 class Extended(NamedTuple):
@@ -197,7 +199,9 @@ def balance(A: Array, B: Array, C: Array, normal: float = 0.5) -> Array:
     from scipy.linalg import solve_continuous_lyapunov
 
     if np.linalg.eigvals(A).real.max() >= 0:
-        raise CannotJudge("the closed loop of the design model is not stable; an estimation gain does not exist")
+        raise CannotJudge(
+            "the closed loop of the design model is not stable; an estimation gain does not exist"
+        )
 
     def root(W: Array) -> Array:
         e, U = np.linalg.eigh(0.5 * (W + W.T))

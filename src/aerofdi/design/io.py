@@ -28,7 +28,9 @@ def _plain(value: Any, where: str) -> Any:
         return _plain(value.item(), where)
     if isinstance(value, bool | int | float | str):
         return value
-    raise WrongUse(f"{where} of a design is {type(value).__name__}; accepted: numbers, strings, lists and tables of them")
+    raise WrongUse(
+        f"{where} of a design is {type(value).__name__}; accepted: numbers, strings, lists and tables of them"
+    )
 
 
 def _digest(arrays: Mapping[str, np.ndarray]) -> str:
@@ -103,4 +105,6 @@ def load_design(path: str | Path) -> Design:
         raise UnreadableFile(
             f"{source}: its arrays are not those of {source.with_suffix('.npz').name}; make both again with `aerofdi design`"
         )
-    return Design(table["method"], table["spec"], table.get("aircraft_hash", ""), arrays, table["certificate"])
+    return Design(
+        table["method"], table["spec"], table.get("aircraft_hash", ""), arrays, table["certificate"]
+    )

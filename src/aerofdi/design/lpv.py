@@ -47,7 +47,11 @@ class Gridded(NamedTuple):
         """The same states with only these inputs and outputs, in this order."""
         i, o = self.columns(inputs), self.rows(outputs)
         return self._replace(
-            B=self.B[:, :, i], C=self.C[:, o], D=self.D[:, o][:, :, i], inputs=tuple(inputs), outputs=tuple(outputs)
+            B=self.B[:, :, i],
+            C=self.C[:, o],
+            D=self.D[:, o][:, :, i],
+            inputs=tuple(inputs),
+            outputs=tuple(outputs),
         )
 
     def at(self, V: float | Array) -> Gridded:
@@ -172,7 +176,9 @@ def connect(blocks: Sequence[Gridded], inputs: Sequence[str], outputs: Sequence[
     grids = [b.V for b in blocks if len(b.V) > 1]
     V = grids[0] if grids else blocks[0].V
     if any(len(g) != len(V) or not np.array_equal(g, V) for g in grids):
-        raise WrongUse("the blocks are given on different airspeed nodes; evaluate them at the same ones first")
+        raise WrongUse(
+            "the blocks are given on different airspeed nodes; evaluate them at the same ones first"
+        )
     A, B, C, D = _stack(blocks, V)
     made = [name for b in blocks for name in b.outputs]
     taken = [name for b in blocks for name in b.inputs]

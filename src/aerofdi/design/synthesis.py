@@ -29,7 +29,9 @@ def _gather(maps: Array, f: Array) -> Array:
     return np.hstack([value * maps for value in f])
 
 
-def _node_blocks(p: Problem, e: Extended, k: int, basis: Basis, s: Scaling, options: Options, g2: float | None) -> None:
+def _node_blocks(
+    p: Problem, e: Extended, k: int, basis: Basis, s: Scaling, options: Options, g2: float | None
+) -> None:
     """Add (X), (Z) and (Q) of node k. g2 = None: it is an unknown; else fixed and X - Z >= t I."""
     n, m = e.B.shape[1:]
     robust = e.G.shape[0] > 0
@@ -164,7 +166,9 @@ def reconstruct(problem: Estimation, sol: Solution, V: Array) -> Filter:
     e = apply(extend(problem, V), s)
     A, A_rate, B, C, D = filter_matrices(e, sol)
     y = problem.measurements
-    u = Gridded(V, A * s.time, B * math.sqrt(s.time), C * math.sqrt(s.time) * s.estimand, D * s.estimand, y, ("u",))
+    u = Gridded(
+        V, A * s.time, B * math.sqrt(s.time), C * math.sqrt(s.time) * s.estimand, D * s.estimand, y, ("u",)
+    )
     weight = inverse(problem.error_weight)._replace(inputs=("u",), outputs=("estimate",))
     g = connect([u, weight], y, ("estimate",))
     slope = np.zeros_like(g.A)

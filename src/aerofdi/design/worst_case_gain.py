@@ -113,7 +113,9 @@ def _rates(basis: Basis, bound: float) -> tuple[float, ...]:
     return (bound, -bound) if basis.degree and bound > 0 else (0.0,)
 
 
-def _assemble(s: Uncertain, rows: int, G: Array, basis: Basis, rate_bound: float, time: float, margin: float) -> Problem:
+def _assemble(
+    s: Uncertain, rows: int, G: Array, basis: Basis, rate_bound: float, time: float, margin: float
+) -> Problem:
     """The LMIs of the upper bound at every node and rate; s is scaled."""
     n, m = s.B.shape[1:]
     p = Problem()
@@ -181,8 +183,18 @@ def upper_bound(
 def frozen_gain(g: Gridded, node: int = 0, bound: float = 1.0, w_rad_s: Array | None = None) -> Frozen:
     """Exact worst-case gain of one node with one w, v, d and e over all frequencies; see the module."""
     if len(g.inputs) != 2 or len(g.outputs) != 2:
-        raise WrongUse(f"the exact formula is for inputs (w, d) and outputs (v, e); given {g.inputs} and {g.outputs}")
-    one = Gridded(g.V[node : node + 1], g.A[node][None], g.B[node][None], g.C[node][None], g.D[node][None], g.inputs, g.outputs)
+        raise WrongUse(
+            f"the exact formula is for inputs (w, d) and outputs (v, e); given {g.inputs} and {g.outputs}"
+        )
+    one = Gridded(
+        g.V[node : node + 1],
+        g.A[node][None],
+        g.B[node][None],
+        g.C[node][None],
+        g.D[node][None],
+        g.inputs,
+        g.outputs,
+    )
     w = np.concatenate(([0.0], np.logspace(-4, 4, 1601))) if w_rad_s is None else np.asarray(w_rad_s, float)
     if g.order and np.linalg.eigvals(g.A[node]).real.max() >= 0:
         return Frozen(math.inf, 0.0, 0j)
@@ -227,7 +239,15 @@ def all_pass(delta: complex, w_rad_s: float, inp: str = "v", out: str = "w") -> 
     """Real first-order all-pass +-(s - beta)/(s + beta) of size |delta| that equals delta at s = j w; +-1 where it is real."""
     size, angle = abs(delta), math.atan2(delta.imag, delta.real)
     if w_rad_s == 0.0 or abs(math.sin(angle)) < 1e-9:
-        return gridded([0.0], np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[math.copysign(size, math.cos(angle))]], (inp,), (out,))
+        return gridded(
+            [0.0],
+            np.zeros((0, 0)),
+            np.zeros((0, 1)),
+            np.zeros((1, 0)),
+            [[math.copysign(size, math.cos(angle))]],
+            (inp,),
+            (out,),
+        )
     # (jw - beta)/(jw + beta) has the angle pi - 2 atan(w/beta), between 0 and pi.
     sign = 1.0 if angle > 0 else -1.0
     positive = angle if angle > 0 else angle + math.pi
@@ -242,7 +262,13 @@ def closed_by(g: Gridded, delta: Gridded) -> Gridded:
 
 
 def check_upper_bound(
-    g: Uncertain, u: UpperBound, bound: float, rate_bound: float, poles: Sequence[float], V: Array, w_scale: float = 1.0
+    g: Uncertain,
+    u: UpperBound,
+    bound: float,
+    rate_bound: float,
+    poles: Sequence[float],
+    V: Array,
+    w_scale: float = 1.0,
 ) -> Array:
     """Largest scaled eigenvalue of the LMI at any airspeeds V, from matrices interpolated there; at most 0 proves the bound."""
     v = np.atleast_1d(np.asarray(V, float))
@@ -255,12 +281,16 @@ def check_upper_bound(
     wide, rows = _with_psi(Uncertain(v, A, R, B, C, D), poles)
     time = 10.0
     Ti, q = np.linalg.inv(u.T), math.sqrt(time)
-    M = np.diag(np.concatenate((u.multiplier @ multiplier_generators(len(poles)), np.ones(wide.C.shape[1] - rows))))
+    M = np.diag(
+        np.concatenate((u.multiplier @ multiplier_generators(len(poles)), np.ones(wide.C.shape[1] - rows)))
+    )
     m = wide.B.shape[2]
     cost = u.gain**2 * np.diag(np.concatenate((np.zeros(len(u.T) + 1), np.ones(m - 1))))
     worst = np.full(len(v), -np.inf)
     for k in range(len(v)):
-        P, slope = (np.tensordot(c[0], u.P, 1) for c in (u.basis.values(v[k : k + 1]), u.basis.slopes(v[k : k + 1])))
+        P, slope = (
+            np.tensordot(c[0], u.P, 1) for c in (u.basis.values(v[k : k + 1]), u.basis.slopes(v[k : k + 1]))
+        )
         out = np.hstack((wide.C[k] @ u.T / q, wide.D[k]))
         Bs = Ti @ wide.B[k] / q
         for rate in _rates(u.basis, rate_bound):
