@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..core.errors import UnreadableFile, WrongUse
+from ..core.errors import WrongUse
 from .identified import parse_identified
 from .lines import Path_, read_toml
 from .schema import (
@@ -72,7 +72,17 @@ def hash(aircraft: Aircraft) -> str:
     text = [f"{k}={v}" for k, v in sorted(aircraft.settings.items()) if k != "title"]
     text += [f"{k}={np.asarray(n.value).tolist()!r}" for k, n in sorted(aircraft.numbers.items())]
     text += [f"{k}={v.tolist()!r}" for k, v in sorted(aircraft.tables.items())]
+    text += sorted(_values("autopilot", aircraft.autopilot))
     return hashlib.sha256("\n".join(text).encode()).hexdigest()
+
+
+def _values(at: str, entry: Any) -> Iterator[str]:
+    """Every value below an entry of the autopilot table, without notes and sources."""
+    if isinstance(entry, Mapping) and "v" not in entry:
+        for key, value in entry.items():
+            yield from _values(f"{at}.{key}", value)
+    else:
+        yield f"{at}={(entry['v'], entry.get('unit')) if isinstance(entry, Mapping) else entry!r}"
 
 
 class _Reader:
@@ -385,6 +395,3 @@ class _Reader:
         for key in ("advance_ratio", "engine_speed", "manifold_pressure"):
             if len(value[key]) < 2 or (np.diff(value[key]) <= 0.0).any():
                 raise self.refuse(("propulsion", key), f"propulsion.{key} must increase strictly")
-
-
-__all__ = ["UnreadableFile", "aircraft_names", "hash", "load_aircraft"]
