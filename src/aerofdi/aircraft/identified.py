@@ -76,9 +76,10 @@ class AxisModel(NamedTuple):
 class IdentifiedModel(NamedTuple):
     """What `identify` knows: sample period, delay, lag, groups, axes, and the conditions of training.
 
-    airspeed: training mean in m/s, NaN where not measured. envelope: channel -> (low, high) seen in training; where
-    airspeed is not measured, the range of groundspeed says when the aircraft no longer flies as in training.
-    notes: what a reader should know (collinear commands, contradicted signs, weak excitation).
+    airspeed: training mean in m/s, NaN where not measured. envelope: channel -> (low, high) seen in training; the
+    range of groundspeed says when the aircraft no longer flies as in training (a glide without engine).
+    notes: what a reader should know (collinear commands, contradicted signs, weak excitation). calibration: thresholds
+    of diagnosers set on healthy flight with this model, empty before that.
     """
 
     name: str
@@ -91,6 +92,7 @@ class IdentifiedModel(NamedTuple):
     trained_s: float
     envelope: dict[str, tuple[float, float]]
     notes: tuple[str, ...]
+    calibration: dict[str, tuple[float, ...]] = {}  # noqa: RUF012
 
     @property
     def channels(self) -> dict[str, str]:
@@ -102,7 +104,7 @@ class IdentifiedModel(NamedTuple):
             out |= {c: group.unit for c in group.channels}
         if math.isfinite(self.airspeed):
             out["airspeed"] = "m/s"
-        elif "groundspeed" in self.envelope:
+        if "groundspeed" in self.envelope:
             out["groundspeed"] = "m/s"
         for axis in self.axes:
             out |= {n: "rad" for n in axis.names if n in ("alpha", "beta")}
@@ -123,6 +125,7 @@ def save_identified(model: IdentifiedModel, path: str | os.PathLike[str]) -> Non
         "airspeed_mps": model.airspeed,
         "trained_s": model.trained_s,
         "notes": list(model.notes),
+        "calibration": {k: list(v) for k, v in model.calibration.items()},
         "envelope": {k: list(v) for k, v in model.envelope.items()},
         "group": [
             {**g._asdict(), "channels": list(g.channels), "weights": list(g.weights)} for g in model.groups
@@ -153,11 +156,15 @@ def load_identified(path: str | os.PathLike[str]) -> IdentifiedModel:
     try:
         text = Path(path).read_text()
     except (OSError, UnicodeDecodeError) as error:
-        raise UnreadableFile(f"{path}: cannot be read ({error}); give a model made by `aerofdi identify`") from None
+        raise UnreadableFile(
+            f"{path}: cannot be read ({error}); give a model made by `aerofdi identify`"
+        ) from None
     try:
         return parse_identified(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise UnreadableFile(f"{path}: not valid TOML ({error}); make it again with `aerofdi identify`") from None
+        raise UnreadableFile(
+            f"{path}: not valid TOML ({error}); make it again with `aerofdi identify`"
+        ) from None
     except (KeyError, TypeError, ValueError) as error:
         raise WrongUse(
             f"{path}: not a complete identified aircraft ({type(error).__name__}: {error}); "
@@ -187,6 +194,7 @@ def parse_identified(document: dict[str, Any]) -> IdentifiedModel:
         trained_s=float(document["trained_s"]),
         envelope={k: (float(v[0]), float(v[1])) for k, v in document["envelope"].items()},
         notes=tuple(document["notes"]),
+        calibration={k: tuple(float(x) for x in v) for k, v in document.get("calibration", {}).items()},
     )
 
 
@@ -194,7 +202,9 @@ def _parse_axis(a: dict[str, Any]) -> AxisModel:
     names, value = tuple(a["names"]), np.array(a["value"], float)
     covariance = np.array(a["covariance"], float)
     if value.shape != (len(names),) or covariance.shape != (len(names), len(names)):
-        raise ValueError(f"axis {a['rate']!r}: {len(names)} names, value {value.shape}, covariance {covariance.shape}")
+        raise ValueError(
+            f"axis {a['rate']!r}: {len(names)} names, value {value.shape}, covariance {covariance.shape}"
+        )
     return AxisModel(
         rate=str(a["rate"]),
         names=names,

@@ -160,7 +160,9 @@ def check_diagnoser(
     """
     sample = bind(flight, d.inputs, d.dt_s, t0_s, t1_s, who=d.name)
     if len(sample.t_s) < 30:
-        raise ContractError(f"{d.name}: {flight.name} gives only {len(sample.t_s)} samples; at least 30 are needed")
+        raise ContractError(
+            f"{d.name}: {flight.name} gives only {len(sample.t_s)} samples; at least 30 are needed"
+        )
     _, whole = run(d, sample)
     broken = [text for clause in _CLAUSES if (text := clause(d, sample, whole))]
     broken += [text for text in (_refusals(d, flight),) if text]

@@ -6,7 +6,7 @@ healthy. A fault adds a moment, and the same filter turns that moment into a kno
     loss of group j, remaining gain 1 - theta:   e = theta  L_j          L_j : response to  -b_j delta_j V^2
     stuck group j at theta (share f of it):      e = f (L_j + theta P_j)  P_j : response to   b_j V^2
     healthy family (each with its own prior):    e = 0;  e = theta L_j, |theta| small (model gain error);
-                                                 e = theta (sum_j -L_j + M), all moments scaled (airspeed unknown)
+                                                 e = theta A, airspeed off by theta: moments 2 theta, damping theta
 
 Each hypothesis holds one free number theta as a slowly varying Kalman state: never all free at once, neutral and trim
 moment stay as identified. Its score is a cumulative sum of log-likelihood over the healthy family, restarted from
@@ -29,6 +29,8 @@ from ..parts.ops import clip, jit, log, maximum, minimum, sqrt
 from ..parts.rate_filter import rate_filter_step
 
 LOSS, STUCK = 0, 1
+# A healthy aircraft differs from its model by at most this many of the stated standard deviations.
+REACH = 1.5
 OK, NOT_READY = int(Status.OK), int(Status.NOT_READY)
 STALE, NONFINITE = int(Status.STALE_INPUT), int(Status.NONFINITE)
 OUTSIDE = int(Status.OUT_OF_ENVELOPE)
@@ -85,8 +87,9 @@ class Params(NamedTuple):
     settle: float
     fresh_s: float
     evidence_memory: float
-    speed_low: float
-    speed_high: float
+    limit_at: Any
+    limit_low: Array
+    limit_high: Array
 
 
 class State(NamedTuple):
@@ -116,6 +119,7 @@ class State(NamedTuple):
     rough: Array
     inflation: Array
     lls: Array
+    slow: Array
     scalars: Array
     information: Array
 
@@ -149,6 +153,7 @@ def init(params: Params) -> State:
         rough=np.ones(na),
         inflation=np.ones(na),
         lls=np.zeros(nn),
+        slow=np.zeros(len(params.limit_at)),
         scalars=np.array([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, params.fresh_s, 0.0, 0.0]),
         information=np.zeros(ng),
     )
@@ -192,6 +197,8 @@ def _restart(params: Params, state: State, z: Array) -> None:
         delay_fill(state.line[j], delta)
     if params.speed_at >= 0:
         state.scalars[SPEED] = z[params.speed_at] / params.v0
+    for j in range(len(params.limit_at)):
+        state.slow[j] = z[params.limit_at[j]]
     state.scalars[GAP] = 0.0
     state.scalars[CLOCK] = 0.0
 
@@ -210,19 +217,21 @@ def _advance(params: Params, state: State, z: Array) -> None:
     for i in range(na):
         ad, bd, k = params.ad[i], params.bd[i], params.k[i]
         w = z[params.rate_at[i]]
-        known = params.a[i] * (v - 1.0) * w
+        damping = params.a[i] * w
         for j in range(params.couple.shape[1]):
-            known += v * params.couple[i, j] * z[params.couple_at[j]]
+            damping += params.couple[i, j] * z[params.couple_at[j]]
         moment = params.m[i]
         for j in range(params.air.shape[1]):
             moment += params.air[i, j] * z[params.air_at[j]]
-        known += v * v * moment
-        rate_filter_step(ad, bd, k, state.xm[i], v * v * params.m[i], -state.xm[i, 0])
         for j in range(ng):
             push = v * v * params.b[i, j]
-            known += push * state.held[j]
+            moment += params.b[i, j] * state.held[j]
             rate_filter_step(ad, bd, k, state.xl[j, i], -push * state.held[j], -state.xl[j, i, 0])
             rate_filter_step(ad, bd, k, state.xp[j, i], push, -state.xp[j, i, 0])
+        # What one per cent more airspeed than measured or assumed would add, in per cent.
+        faster = 2.0 * v * v * moment + v * damping
+        rate_filter_step(ad, bd, k, state.xm[i], faster, -state.xm[i, 0])
+        known = v * damping - params.a[i] * w + v * v * moment
         rate_filter_step(ad, bd, k, state.x[i], known, w - state.x[i, 0])
         rate_filter_step(ad, bd, k, state.y[i], known, w - state.y[i, 0])
 
@@ -262,15 +271,13 @@ def _healthy(params: Params, state: State) -> float:
                 h = state.xl[n - 1, i, 0]
             elif n > ng:
                 h = state.xm[i, 0]
-                for j in range(ng):
-                    h -= state.xl[j, i, 0]
             e = state.innovation[i]
             r = params.s[i] * state.inflation[i]
             s = h * h * var + r
             nu = e - h * theta
             ll += _log_t(nu * nu / s, s, params.dof)
             theta, var = _update(theta, var, h, e, r, params.dof)
-        state.ntheta[n] = clip(theta, -2.0 * spread, 2.0 * spread)
+        state.ntheta[n] = clip(theta, -REACH * spread, REACH * spread)
         state.nvar[n] = var
         lls[n] = ll
         best = maximum(best, ll)
@@ -356,19 +363,16 @@ def _evidence(params: Params, state: State) -> float:
 
 @jit
 def _inflate(params: Params, state: State) -> None:
-    """Rougher air than in training raises the noise: the slow mean square of what the best hypothesis leaves."""
-    nh = len(params.kind)
+    """Rougher air than in training raises the noise: the slow mean square of what the best explanation leaves."""
     best = 0
-    for n in range(1, nh):
-        if state.score[n] > state.score[best]:
+    for n in range(1, len(params.kind)):
+        if state.evidence[n] > state.evidence[best]:
             best = n
-    explained = state.score[best] > 0.5 * params.alarm
     leak = params.dt / 10.0
     for i in range(params.b.shape[0]):
-        left = state.innovation[i]
-        if explained:
-            left -= state.pattern[best, i] * sqrt(params.s[i] * state.inflation[i])
-        square = minimum(left * left / params.s[i], 16.0)
+        healthy = state.innovation[i]
+        faulty = healthy - state.pattern[best, i] * sqrt(params.s[i] * state.inflation[i])
+        square = minimum(minimum(healthy * healthy, faulty * faulty) / params.s[i], 16.0)
         state.rough[i] += leak * (square - state.rough[i])
         state.inflation[i] = maximum(1.0, state.rough[i])
 
@@ -381,13 +385,52 @@ def _correlation(state: State, n: int, k: int) -> float:
 
 
 @jit
+def _fresh(params: Params, state: State, z: Array, base: float) -> bool:
+    """Recovery test: does a healthy filter started anew explain flight better than the standing alarm?
+
+    The filter in use has learnt the fault's moment as trim and would need a minute to unlearn it. Every `fresh_s` a
+    copy without that memory starts; after its own settling it is compared with the best hypothesis.
+    """
+    age = state.scalars[FRESH_AGE]
+    if age >= params.fresh_s:
+        better = state.scalars[FRESH_LEAD] > params.margin
+        state.scalars[FRESH_AGE] = 0.0
+        state.scalars[FRESH_LEAD] = 0.0
+        for i in range(params.b.shape[0]):
+            state.y[i, 0] = z[params.rate_at[i]]
+            state.y[i, 1] = 0.0
+            state.y[i, 2] = 0.0
+        return better
+    if age >= params.settle:
+        healthy = 0.0
+        for i in range(params.b.shape[0]):
+            r = params.s[i] * state.inflation[i]
+            e = z[params.rate_at[i]] - state.y[i, 0]
+            healthy += _log_t(e * e / r, r, params.dof)
+        state.scalars[FRESH_LEAD] += params.temper * (healthy - base)
+    state.scalars[FRESH_AGE] = age + params.dt
+    return False
+
+
+@jit
 def _leader(params: Params, state: State) -> int:
     """The hypothesis with most evidence; the one in charge stays until another leads it by the margin."""
     best = int(state.scalars[ACTIVE]) - 1
     for n in range(len(params.kind)):
-        lead = params.margin if best == int(state.scalars[ACTIVE]) - 1 and best >= 0 else 0.0
+        lead = 2.0 * params.margin if best == int(state.scalars[ACTIVE]) - 1 and best >= 0 else 0.0
         if best < 0 or state.evidence[n] > state.evidence[best] + lead:
             best = n
+    if params.kind[best] == LOSS and 1.0 - state.theta[best] < 1.5 * sqrt(state.var[best]):
+        # Nothing is left of the gain: a surface that answers nothing is stuck, unless its evidence says otherwise.
+        for n in range(len(params.kind)):
+            near = state.evidence[n] > state.evidence[best] - params.margin
+            if (
+                near
+                and params.group[n] == params.group[best]
+                and params.kind[n] == STUCK
+                and params.share[n] == 1.0
+            ):
+                return n
     return best
 
 
@@ -412,7 +455,7 @@ def _isolated(params: Params, state: State, best: int) -> bool:
 @jit
 def _slight(params: Params, state: State, best: int) -> bool:
     """Whether the leading hypothesis is a loss too small to be told from model error."""
-    small = params.nuisance_spread[1] + sqrt(state.var[best])
+    small = params.nuisance_spread[1 + params.group[best]] + sqrt(state.var[best])
     return params.kind[best] == LOSS and state.theta[best] < small
 
 
@@ -475,6 +518,18 @@ def _write(params: Params, state: State, out: Verdict, k: int, status: int) -> N
 
 
 @jit
+def _outside(params: Params, state: State, z: Array) -> bool:
+    """Whether a condition the model depends on (its speed) has left, over the last second, what training held."""
+    outside = False
+    for j in range(len(params.limit_at)):
+        now = z[params.limit_at[j]]
+        state.slow[j] += (1.0 - params.speed_pole) * (now - state.slow[j])
+        if not params.limit_low[j] <= state.slow[j] <= params.limit_high[j]:
+            outside = True
+    return outside
+
+
+@jit
 def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, k: int) -> None:
     """One sample: innovations, hypotheses, decision, prediction. Bad data freeze everything and give a status."""
     status = input_status(params, z, age)
@@ -487,10 +542,9 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
     for i in range(params.b.shape[0]):
         state.innovation[i] = z[params.rate_at[i]] - state.x[i, 0]
     state.scalars[CLOCK] += params.dt
-    v = state.scalars[SPEED]
     if state.scalars[CLOCK] < params.settle:
         status = NOT_READY
-    elif not params.speed_low <= v <= params.speed_high:
+    elif _outside(params, state, z):
         status = OUTSIDE
     else:
         lead = _evidence(params, state)

@@ -11,16 +11,22 @@ from ..core.types import HEALTHY, Array, Channels, Diagnoser, Hypothesis
 from ..parts.rate_filter import Disturbance, rate_filter
 from .effectiveness import LOSS, STUCK, Params, init, run_into, step_into
 
-GAIN_TOLERANCE = 0.1
-SPEED_TOLERANCE = 0.3
-ALARM = 14.0
+# Standard deviations of what a healthy aircraft may differ by: surface gain (the fit's own uncertainty is added);
+# airspeed, where measured and where not.
+GAIN_TOLERANCE = 0.08
+SPEED_TOLERANCE = (0.03, 0.05)
+# How far outside its range in training a speed may be before the model is not trusted.
+ENVELOPE = {"airspeed": 0.2, "groundspeed": 0.1}
+ALARM = 12.0
 MARGIN = 3.0
 DOF = 5.0
 SETTLE_S = 2.0
 EVIDENCE_S = 15.0
 FRESH_S = 8.0
-# How far the trim moment may wander although training did not show it, as a share of the moment of full command.
-TRIM_FLOOR = {"p": 0.02, "q": 0.10, "r": 0.05}
+# How far the trim moment may wander although training did not show it, as a share of the moment of full command:
+# little where its cause is measured (pitch: angle of attack, yaw: sideslip), more where it is not.
+TRIM_FLOOR = {"p": (0.02, 0.02), "q": (0.02, 0.10), "r": (0.02, 0.05)}
+TRIM_CAUSE = {"p": "beta", "q": "alpha", "r": "beta"}
 
 
 def from_identified(model: IdentifiedModel, max_age_s: dict[str, float], alarm: float = ALARM) -> Diagnoser:
@@ -59,9 +65,9 @@ def _hypotheses(model: IdentifiedModel) -> tuple[list[Hypothesis], list[tuple[fl
         if not g.identifiable:
             continue
         out.append(Hypothesis(g.name, "loss_of_effectiveness", "1", g.name))
-        rows.append((LOSS, j, 1.0, 0.5, 0.25, 40.0, 0.25, 0.8))
+        rows.append((LOSS, j, 1.0, 0.5, 0.25, 40.0, 0.25, 0.75))
         reach = 0.5 * (g.upper - g.lower)
-        stuck = (g.mean, max(3.0 * g.deviation, 0.25 * reach), 20.0, g.lower, g.upper)
+        stuck = (g.mean, max(3.0 * g.deviation, 0.25 * reach), 5.0, g.lower, g.upper)
         out.append(Hypothesis(g.name, "stuck", g.unit, g.name))
         rows.append((STUCK, j, 1.0, *stuck))
         n = len(g.channels)
@@ -74,11 +80,26 @@ def _hypotheses(model: IdentifiedModel) -> tuple[list[Hypothesis], list[tuple[fl
 def trimmed_noise(axis: AxisModel) -> Disturbance:
     """The axis's noise with the trim wander raised to its floor."""
     strongest = max((abs(axis.coefficient(n)) for n in axis.names if n.startswith("command.")), default=0.0)
-    return axis.noise._replace(s_c=max(axis.noise.s_c, TRIM_FLOOR[axis.rate] * strongest))
+    known = TRIM_CAUSE[axis.rate] in axis.names
+    floor = TRIM_FLOOR[axis.rate][0 if known else 1]
+    return axis.noise._replace(s_c=max(axis.noise.s_c, floor * strongest))
+
+
+def gain_tolerance(model: IdentifiedModel, group: str) -> float:
+    """How far the gain of a group may be off while healthy: modelling plus the relative error of its best-known fit."""
+    name = f"command.{group}"
+    relative = [
+        a.deviation(name) / abs(a.coefficient(name)) for a in model.axes if a.coefficient(name) != 0.0
+    ]
+    return math.hypot(GAIN_TOLERANCE, min(relative, default=1.0))
 
 
 def _params(
-    model: IdentifiedModel, names: tuple[str, ...], rows: list[tuple[float, ...]], max_age: Array, alarm: float
+    model: IdentifiedModel,
+    names: tuple[str, ...],
+    rows: list[tuple[float, ...]],
+    max_age: Array,
+    alarm: float,
 ) -> Params:
     axes, groups = model.axes, model.groups
     filters = [rate_filter(a.coefficient(a.rate), trimmed_noise(a), model.dt_s) for a in axes]
@@ -92,11 +113,9 @@ def _params(
     table = np.array(rows, float).reshape(-1, 8)
     b = np.array([[a.coefficient(f"command.{g.name}") for g in groups] for a in axes])
     speed = "airspeed" in names
-    low, high = model.envelope.get("airspeed", (0.0, math.inf))
-    nuisance = [0.0, *([GAIN_TOLERANCE] * len(groups)), *([] if speed else [SPEED_TOLERANCE])]
-    place = np.array(
-        [[0.0 if n == a.rate else a.coefficient(n) for n in rates] for a in axes]
-    )
+    limits = [n for n in ENVELOPE if n in names]
+    nuisance = [0.0, *(gain_tolerance(model, g.name) for g in groups), SPEED_TOLERANCE[0 if speed else 1]]
+    place = np.array([[0.0 if n == a.rate else a.coefficient(n) for n in rates] for a in axes])
     return Params(
         ad=np.array([f.ad for f in filters]),
         bd=np.array([f.bd for f in filters]),
@@ -135,12 +154,13 @@ def _params(
         cap=2.0 * alarm,
         clear=0.2 * alarm,
         margin=MARGIN,
-        temper=0.5,
+        temper=0.9,
         dof=DOF,
         dt=model.dt_s,
         settle=SETTLE_S,
         fresh_s=FRESH_S,
         evidence_memory=EVIDENCE_S,
-        speed_low=0.7 * low / model.airspeed if speed else 0.0,
-        speed_high=1.4 * high / model.airspeed if speed else math.inf,
+        limit_at=np.array([names.index(n) for n in limits], dtype=np.int64),
+        limit_low=np.array([(1.0 - ENVELOPE[n]) * model.envelope[n][0] for n in limits]),
+        limit_high=np.array([(1.0 + ENVELOPE[n]) * model.envelope[n][1] for n in limits]),
     )

@@ -126,7 +126,9 @@ def _inputs(params: Params, state: State, z: Array) -> None:
         state.counter[1] += (1.0 - params.speed_pole) * (z[params.speed_at] / params.v0 - state.counter[1])
     for i in range(len(params.delay)):
         delayed = delay_step(state.line[i], z[params.command_at[i]], params.delay[i])
-        state.position[i], state.speed[i] = servo_step(params.servo[i], state.position[i], state.speed[i], delayed)
+        state.position[i], state.speed[i] = servo_step(
+            params.servo[i], state.position[i], state.speed[i], delayed
+        )
     nu = params.mix.shape[0]
     for j in range(nu):
         total = 0.0
@@ -211,7 +213,9 @@ def from_linear(
         )
     limits = np.asarray(threshold, float)
     if limits.shape != (len(outputs),) or not (limits > 0).all():
-        raise WrongUse(f"{name}: threshold {threshold} must hold a positive number for each of {tuple(outputs)}")
+        raise WrongUse(
+            f"{name}: threshold {threshold} must hold a positive number for each of {tuple(outputs)}"
+        )
     ad, bd = hold(np.asarray(a, float), np.asarray(b, float), dt_s)
     ages = tuple((max_age_s or {}).get(n, 5.0 * dt_s) for n in names)
     settle_s = max(2.5 * order / 5.0 / bandwidth * 2.0, 0.5)

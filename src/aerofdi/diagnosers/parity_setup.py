@@ -42,7 +42,10 @@ def from_identified(
         mix[model.groups.index(g), i] = w
     order, speed = (1, 1.0 / model.lag_s) if model.lag_s > 0 else (0, 1.0)
     servo = np.array(
-        [servo_coefficients(order, speed, lower=g.lower, upper=g.upper, dt_s=model.dt_s) for g, _, _ in surfaces]
+        [
+            servo_coefficients(order, speed, lower=g.lower, upper=g.upper, dt_s=model.dt_s)
+            for g, _, _ in surfaces
+        ]
     )
     return from_linear(
         a,

@@ -17,6 +17,7 @@ AIR = ("alpha", "beta")
 FASTEST_DT_S = 0.02
 COLLINEAR = 0.99
 AIRSPEED_LAG_S = 1.0
+KINDS = ("aileron", "elevon", "flaperon", "elevator", "vtail", "rudder", "other")
 
 
 class Segment(NamedTuple):
@@ -30,7 +31,8 @@ class Segment(NamedTuple):
 
 
 class Training(NamedTuple):
-    """dt_s, the groups, which rates and air angles are there, mean airspeed (NaN if none), the segments."""
+    """dt_s, the groups, which rates and air angles are there, mean airspeed (NaN if none), the segments, notes, slowest
+    command period."""
 
     dt_s: float
     groups: tuple[SurfaceGroup, ...]
@@ -38,6 +40,8 @@ class Training(NamedTuple):
     air: tuple[str, ...]
     airspeed: float
     segments: tuple[Segment, ...]
+    notes: tuple[str, ...] = ()
+    command_period_s: float = 0.0
 
     @property
     def duration_s(self) -> float:
@@ -96,10 +100,11 @@ def prepare(spans: Spans) -> Training:
         )
     every = np.concatenate([z for _, z in pieces])
     first = len(rates)
-    groups = group_commands(commands, have[commands[0]].unit, every[:, first : first + len(commands)])
+    groups, notes = group_commands(commands, have[commands[0]].unit, every[:, first : first + len(commands)])
     v0 = float(np.mean(every[:, -1])) if speed else math.nan
     segments = tuple(_segment(t, z, len(rates), commands, groups, len(air), v0, dt) for t, z in pieces)
-    return Training(dt, groups, rates, air, v0, segments)
+    period = max(fresh(have[c]).period_s for c in commands)
+    return Training(dt, groups, rates, air, v0, segments, notes, period)
 
 
 def _varies(spans: Spans, name: str) -> bool:
@@ -156,20 +161,43 @@ def shift(x: Array, dt: float, delay_s: float) -> Array:
     return newer + part * (older - newer)
 
 
-def group_commands(names: tuple[str, ...], unit: str, u: Array) -> tuple[SurfaceGroup, ...]:
-    """Commands whose correlation in training exceeds 0.99 in size become one group; constant ones are left out."""
+def group_commands(
+    names: tuple[str, ...], unit: str, u: Array
+) -> tuple[tuple[SurfaceGroup, ...], tuple[str, ...]]:
+    """Groups of commands whose correlation in training exceeds 0.99 in size, and notes; constant ones are left out.
+
+    Surfaces of one kind (both ailerons) form a group. A surface of another kind that moves in proportion to it (a
+    rudder mixed to the ailerons) cannot be told apart: its effect stays inside the group of the kind that comes
+    first in KINDS, and a note says so.
+    """
     deviation = u.std(axis=0)
     scale = float(deviation.max(initial=0.0))
     moving = [j for j in range(len(names)) if deviation[j] > 1e-3 * scale and deviation[j] > 1e-9]
+    moving.sort(key=lambda j: KINDS.index(kind(names[j])))
     groups: list[list[int]] = []
+    notes: list[str] = []
     for j in moving:
-        for g in groups:
-            if abs(np.corrcoef(u[:, g[0]], u[:, j])[0, 1]) > COLLINEAR:
-                g.append(j)
-                break
-        else:
+        alike = [g for g in groups if abs(np.corrcoef(u[:, g[0]], u[:, j])[0, 1]) > COLLINEAR]
+        if not alike:
             groups.append([j])
-    return tuple(_make_group([names[j] for j in g], unit, u[:, g]) for g in groups)
+        elif kind(names[alike[0][0]]) == kind(names[j]):
+            alike[0].append(j)
+        else:
+            notes.append(
+                f"{names[j]} moved in proportion to {names[alike[0][0]]}: the two cannot be told apart, "
+                f"and its effect is counted with {kind(names[alike[0][0]])}"
+            )
+    return tuple(_make_group([names[j] for j in g], unit, u[:, g]) for g in groups), tuple(notes)
+
+
+def kind(channel: str) -> str:
+    """aileron, elevon, elevator, rudder or another word: the part of the surface's name before the side.
+
+    >>> kind("command.aileron_left")
+    'aileron'
+    """
+    word = channel.removeprefix("command.").split("_")[0]
+    return word if word in KINDS else KINDS[-1]
 
 
 def _make_group(channels: list[str], unit: str, u: Array) -> SurfaceGroup:
@@ -194,5 +222,5 @@ def group_name(surfaces: list[str]) -> str:
     """The surface itself, the word its sides share ('aileron' of aileron_left and aileron_right), or 'a+b'."""
     if len(surfaces) == 1:
         return surfaces[0]
-    stems = {s.rsplit("_", 1)[0] for s in surfaces}
+    stems = {s.split("_")[0] for s in surfaces}
     return stems.pop() if len(stems) == 1 else "+".join(sorted(surfaces))

@@ -25,7 +25,8 @@ SETTLE_S = 2.0
 SEARCH_SAMPLES = 12_000
 # Weak priors, mean and standard deviation of the logarithm: damping in 1/s of small aircraft, gust time in s.
 DAMPING = {"p": (math.log(8.0), 0.7), "q": (math.log(6.0), 0.7), "r": (math.log(2.0), 0.7)}
-GUST_TIME = (math.log(0.5), 0.8)
+# Where commands are logged slower than 5 Hz, the error of holding them looks like a fast gust, so less is known.
+GUST_TIME = {"fast": (math.log(1.0), 0.35), "slow": (math.log(0.5), 0.8)}
 SHORTEST_GUST_S = 0.1
 
 
@@ -94,10 +95,15 @@ def _filter(search: Array, dt: float) -> tuple[float, Disturbance, RateFilter]:
 
 def _responses(search: Array, c: _Columns, dt: float) -> tuple[float, Disturbance, RateFilter, Array]:
     a, noise, f = _filter(search, dt)
-    return a, noise, f, innovation_responses(f.ad, f.bd, f.k, c.inputs, a * c.own, c.rate, c.starts)
+    response = innovation_responses(f.ad, f.bd, f.k, c.inputs, a * c.own, c.rate, c.starts)
+    if not np.isfinite(response).all():
+        raise np.linalg.LinAlgError("the filter of these search values is not finite")
+    return a, noise, f, response
 
 
-def _cost(search: Array, c: _Columns, dt: float, damping: tuple[float, float]) -> float:
+def _cost(
+    search: Array, c: _Columns, dt: float, damping: tuple[float, float], gust: tuple[float, float]
+) -> float:
     if np.any(np.abs(search) > 18.0) or search[1] < math.log(SHORTEST_GUST_S):
         return 1e12
     try:
@@ -108,21 +114,23 @@ def _cost(search: Array, c: _Columns, dt: float, damping: tuple[float, float]) -
     theta = np.linalg.lstsq(x, y, rcond=None)[0]
     variance = float(np.mean((y - x @ theta) ** 2))
     penalty = 0.5 * ((search[0] - damping[0]) / damping[1]) ** 2
-    penalty += 0.5 * ((search[1] - GUST_TIME[0]) / GUST_TIME[1]) ** 2
+    penalty += 0.5 * ((search[1] - gust[0]) / gust[1]) ** 2
     return 0.5 * len(y) * math.log(max(variance, 1e-18)) + penalty
 
 
-def search_axis(c: _Columns, dt: float, rate: str) -> Array:
+def search_axis(c: _Columns, dt: float, rate: str, command_period_s: float = 0.0) -> Array:
     """log(-a), log T_d, log s_d/s_v, log s_c/s_v of largest likelihood (Nelder-Mead from two starts)."""
     from scipy.optimize import minimize
 
     n = min(len(c.rate), SEARCH_SAMPLES)
     part = _Columns(*(x[:n] for x in c))
     prior = DAMPING[rate]
+    gust = GUST_TIME["slow" if command_period_s > 0.2 else "fast"]
     starts = ([prior[0], math.log(0.3), 5.0, 1.0], [prior[0], math.log(1.5), 3.0, 0.0])
     options: Any = {"maxiter": 250, "xatol": 0.03, "fatol": 0.1}
     found = [
-        minimize(_cost, x0, args=(part, dt, prior), method="Nelder-Mead", options=options) for x0 in starts
+        minimize(_cost, x0, args=(part, dt, prior, gust), method="Nelder-Mead", options=options)
+        for x0 in starts
     ]
     return np.asarray(min(found, key=lambda r: r.fun).x)
 

@@ -15,11 +15,14 @@ from . import filter_error as fe
 from .data import Spans, Training, prepare
 
 LAGS_S = (0.0, 0.04, 0.08)
+LONGEST_S = 0.2001
 HELD_OUT = 0.3
 SIGNIFICANT = 3.0
 
 
-def identify(spans: Spans, name: str = "aircraft", progress: Callable[[str], None] | None = None) -> IdentifiedModel:
+def identify(
+    spans: Spans, name: str = "aircraft", progress: Callable[[str], None] | None = None
+) -> IdentifiedModel:
     """Fit the rate dynamics of every measured axis from healthy flight.
 
     spans: (flight, t0_s, t1_s), at least 10 s in all. Stages: equation error over a delay scan; filter error
@@ -39,7 +42,7 @@ def identify(spans: Spans, name: str = "aircraft", progress: Callable[[str], Non
     delay, lag, _ = ee.scan(training)
     axes = range(len(training.rates))
     say("filter error: gusts and damping")
-    search = [fe.search_axis(fe.columns(training, i, delay, lag), training.dt_s, training.rates[i]) for i in axes]
+    search = [_search(training, i, delay, lag) for i in axes]
     delay, lag = _scan(training, search)
     say("filter error: final fit")
     fits = [_refit(training, i, delay, lag) for i in axes]
@@ -54,14 +57,19 @@ def identify(spans: Spans, name: str = "aircraft", progress: Callable[[str], Non
         groups=groups,
         axes=models,
         trained_s=training.duration_s,
-        envelope=_envelope(training),
+        envelope=_envelope(training, spans),
         notes=notes,
     )
 
 
 def _refit(training: Training, axis: int, delay: float, lag: float) -> fe.AxisFit:
+    search = _search(training, axis, delay, lag)
+    return fe.solve_axis(search, fe.columns(training, axis, delay, lag), training.dt_s)
+
+
+def _search(training: Training, axis: int, delay: float, lag: float) -> Array:
     c = fe.columns(training, axis, delay, lag)
-    return fe.solve_axis(fe.search_axis(c, training.dt_s, training.rates[axis]), c, training.dt_s)
+    return fe.search_axis(c, training.dt_s, training.rates[axis], training.command_period_s)
 
 
 def _scan(training: Training, search: list[Array]) -> tuple[float, float]:
@@ -69,14 +77,18 @@ def _scan(training: Training, search: list[Array]) -> tuple[float, float]:
     best = (math.inf, 0.0, 0.0)
     step = max(training.dt_s / 2, 0.01)
     for lag in LAGS_S:
-        for delay in np.arange(0.0, 0.2001 - lag, step):
-            cost = sum(
-                fe.solve_axis(s, fe.columns(training, i, float(delay), lag), training.dt_s).cost
-                for i, s in enumerate(search)
-            )
+        for delay in np.arange(0.0, LONGEST_S - lag, step):
+            cost = sum(_cost(training, i, float(delay), lag, s) for i, s in enumerate(search))
             if cost < best[0]:
                 best = (cost, float(delay), lag)
     return best[1], best[2]
+
+
+def _cost(training: Training, axis: int, delay: float, lag: float, search: Array) -> float:
+    try:
+        return fe.solve_axis(search, fe.columns(training, axis, delay, lag), training.dt_s).cost
+    except np.linalg.LinAlgError:
+        return math.inf
 
 
 def _axis(training: Training, axis: int, fit: fe.AxisFit, delay: float, lag: float) -> AxisModel:
@@ -113,22 +125,34 @@ def _held_out(training: Training, axis: int, fit: fe.AxisFit, delay: float, lag:
 
 def _judge_groups(training: Training, axes: tuple[AxisModel, ...]) -> tuple[tuple, tuple[str, ...]]:
     """Mark groups no axis answers, and say in words what could not be told apart."""
-    groups, notes = [], []
+    groups, notes = [], list(training.notes)
     for g in training.groups:
-        t = max(abs(a.coefficient(f"command.{g.name}")) / max(a.deviation(f"command.{g.name}"), 1e-12) for a in axes)
+        t = max(
+            abs(a.coefficient(f"command.{g.name}")) / max(a.deviation(f"command.{g.name}"), 1e-12)
+            for a in axes
+        )
         groups.append(g._replace(identifiable=t > SIGNIFICANT))
         if t <= SIGNIFICANT:
-            notes.append(f"{g.name}: its commands moved too little to identify it (t = {t:.1f}); it cannot be judged")
+            notes.append(
+                f"{g.name}: its commands moved too little to identify it (t = {t:.1f}); it cannot be judged"
+            )
         if len(g.channels) > 1:
             notes.append(f"{', '.join(g.channels)} always moved together: judged as one group, {g.name}")
     return tuple(groups), tuple(notes)
 
 
-def _envelope(training: Training) -> dict[str, tuple[float, float]]:
-    """Lowest and highest command of every group and airspeed ratio in training."""
+def _envelope(training: Training, spans: Spans) -> dict[str, tuple[float, float]]:
+    """Lowest and highest command of every group, and speed, in training."""
     u = np.concatenate([s.commands for s in training.segments])
     v = np.concatenate([s.speed for s in training.segments])
-    out = {f"command.{g.name}": (float(u[:, i].min()), float(u[:, i].max())) for i, g in enumerate(training.groups)}
+    out = {
+        f"command.{g.name}": (float(u[:, i].min()), float(u[:, i].max()))
+        for i, g in enumerate(training.groups)
+    }
     if math.isfinite(training.airspeed):
         out["airspeed"] = (float(v.min() * training.airspeed), float(v.max() * training.airspeed))
+    if all("groundspeed" in f.measured for f, _, _ in spans):
+        speed = np.concatenate([f.measured["groundspeed"].between(a, b).value for f, a, b in spans])
+        if np.isfinite(speed).any() and np.nanmax(speed) > np.nanmin(speed):
+            out["groundspeed"] = (float(np.nanmin(speed)), float(np.nanmax(speed)))
     return out

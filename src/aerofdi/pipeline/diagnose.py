@@ -1,0 +1,133 @@
+"""`diagnose`: flights in, verdicts out. The whole job behind `aerofdi diagnose` and a notebook alike."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..aircraft.identified import IdentifiedModel, load_identified
+from ..core.errors import AerofdiError, CannotJudge, WrongUse
+from ..core.types import Flight
+from ..records import flown, read
+from .judge import Progress, judge
+from .spans import inside, parse_span, split, without
+from .train import Trained, calibrate, diagnosers, max_ages, train
+from .types import FlightDiagnosis, Result, Span
+
+DIAGNOSERS = ("parity", "effectiveness")
+
+
+def diagnose(
+    flights: Sequence[str | os.PathLike[str] | Flight],
+    *,
+    aircraft: str | os.PathLike[str] | IdentifiedModel | None = None,
+    with_diagnosers: Sequence[str] = (),
+    healthy: str | Span | None = None,
+    healthy_flight: str | os.PathLike[str] | Flight | None = None,
+    judge_span: str | Span | None = None,
+    profile: str | None = None,
+    progress: Progress | None = None,
+) -> list[FlightDiagnosis]:
+    """Diagnose one or many flights.
+
+    Without options: in each flight find the spans airborne, under autopilot, with commands moving; learn from their
+    first 40 %; check that this part is of one piece; judge the rest. healthy: the span to learn from instead;
+    healthy_flight: another flight to learn from; aircraft: a model saved before. judge_span: what to judge.
+    Times are seconds on the log's clock. Files that cannot be read raise UnreadableFile or WrongUse; what a flight
+    does not allow becomes a result `cannot_judge`.
+    """
+    wanted = tuple(with_diagnosers) or DIAGNOSERS
+    unknown = [w for w in wanted if w not in DIAGNOSERS]
+    if unknown:
+        raise WrongUse(
+            f"--with {unknown[0]!r} is not a diagnoser of flight records; choose from {', '.join(DIAGNOSERS)}"
+        )
+    say = progress or (lambda text: None)
+    model = load_identified(aircraft) if isinstance(aircraft, str | os.PathLike) else aircraft
+    span = parse_span(healthy, "--healthy") if isinstance(healthy, str) else healthy
+    window = parse_span(judge_span, "--judge") if isinstance(judge_span, str) else judge_span
+    reference = _reference(healthy_flight, span, profile, say) if healthy_flight is not None else None
+    out = []
+    for item in flights:
+        flight = item if isinstance(item, Flight) else read(item, profile)
+        name = flight.name if isinstance(item, Flight) else os.fspath(item)
+        out.append(_one(name, flight, wanted, model, span, reference, window, say))
+    return out
+
+
+def _reference(
+    source: str | os.PathLike[str] | Flight, span: Span | None, profile: str | None, say: Progress
+) -> Trained:
+    flight = source if isinstance(source, Flight) else read(source, profile)
+    spans = [span] if span else flown(flight)[0]
+    if not spans:
+        raise CannotJudge(
+            f"{flight.name}: nothing in it was flown under autopilot; give its healthy span with --healthy"
+        )
+    say(f"learning from {flight.name}")
+    return train(flight, spans, say)
+
+
+def _one(
+    name: str,
+    flight: Flight,
+    wanted: tuple[str, ...],
+    model: IdentifiedModel | None,
+    healthy: Span | None,
+    reference: Trained | None,
+    window: Span | None,
+    say: Progress,
+) -> FlightDiagnosis:
+    spans, known_by = flown(flight)
+    notes = [*known_by, *flight.meta.get("notes", ()), *flight.meta.get("assumed", ())]
+    trained: list[Span] = []
+    try:
+        if model is not None or reference is not None:
+            judged = spans
+            ready = reference or _loaded(model, flight, healthy)
+            trained = [healthy] if healthy and reference is None else []
+        else:
+            trained, judged = ([healthy], spans) if healthy else split(spans)
+            if not trained:
+                raise CannotJudge(
+                    f"{name}: nothing was flown under autopilot with surface commands moving; "
+                    f"give spans with --healthy T0:T1 and --judge T0:T1"
+                )
+            ready = train(flight, trained, say)
+        judged = [window] if window else without(judged, trained)
+        judged = inside(judged, flight.span_s)
+        if not judged:
+            raise CannotJudge(f"{name}: no flown time is left to judge after training; give --judge T0:T1")
+        say(f"judging {name}")
+        results = [judge(d, flight, judged, ready.model, spans) for d in ready.diagnosers if d.name in wanted]
+        missing = [w for w in wanted if w not in [d.name for d in ready.diagnosers]]
+        results += [
+            Result(w, "cannot_judge", "no surface command moved enough in training to be identified")
+            for w in missing
+        ]
+        return FlightDiagnosis(
+            name, flight, spans, trained, judged, ready.model, results, [*notes, *ready.notes]
+        )
+    except CannotJudge as error:
+        results = [Result(w, "cannot_judge", str(error)) for w in wanted]
+        return FlightDiagnosis(name, flight, spans, trained, [], None, results, notes)
+
+
+def _loaded(model: IdentifiedModel | None, flight: Flight, healthy: Span | None) -> Trained:
+    if model is None:
+        raise AerofdiError("no model and no reference flight")
+    if healthy:
+        return calibrate(flight, [healthy], model)
+    return Trained(model, diagnosers(model, max_ages(model, flight)), model.notes)
+
+
+def exit_code(found: Sequence[FlightDiagnosis]) -> int:
+    """10 if any fault, else 3 if any flight has no diagnoser able to judge, else 0."""
+    verdicts = {f.verdict for f in found}
+    return 10 if "fault" in verdicts else 3 if "cannot_judge" in verdicts else 0
+
+
+def default_model_path(report: str | os.PathLike[str]) -> Path:
+    """Where the model of a diagnosis is kept: beside the report, so the next flight can reuse it."""
+    return Path(report).with_suffix(".aircraft.toml")

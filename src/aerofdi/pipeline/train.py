@@ -1,0 +1,148 @@
+"""Healthy flight -> model, diagnosers and calibrated thresholds; and the test that the healthy part is one piece."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ..aircraft.identified import IdentifiedModel
+from ..core.bind import bind, default_max_age
+from ..core.errors import CannotJudge
+from ..core.run import run
+from ..core.types import Array, Diagnoser, Flight, Status
+from ..design.parity import calibrate_threshold
+from ..diagnosers import effectiveness_setup, parity_setup
+from ..identify import identify
+from .types import Span
+
+FALSE_ALARMS_PER_HOUR = 0.1
+UNEQUAL = 2.0
+WHOLE_S = 60.0
+
+
+class Trained(NamedTuple):
+    """A model and its diagnosers, ready to judge."""
+
+    model: IdentifiedModel
+    diagnosers: tuple[Diagnoser, ...]
+    notes: tuple[str, ...]
+
+
+def max_ages(model: IdentifiedModel, flight: Flight) -> dict[str, float]:
+    """For every channel of the model: five median periods of it in this flight, at least five model periods."""
+    return {
+        n: max(default_max_age(flight, n) if n in flight.measured else 0.0, 5.0 * model.dt_s)
+        for n in model.channels
+    }
+
+
+def train(
+    flight: Flight,
+    spans: list[Span],
+    progress: Callable[[str], None] | None = None,
+    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+) -> Trained:
+    """Identify the aircraft from healthy spans of one flight, calibrate both diagnosers on them.
+
+    Raises CannotJudge where the spans disagree among themselves (part of the training may be faulty).
+    """
+    model = identify(
+        [(flight, a, b) for a, b in spans],
+        name=str(flight.meta.get("aircraft") or "aircraft"),
+        progress=progress,
+    )
+    if progress:
+        progress("is the training of one piece?")
+    _homogeneous(flight, spans, model)
+    return calibrate(flight, spans, model, false_alarms_per_hour)
+
+
+def calibrate(
+    flight: Flight,
+    spans: list[Span],
+    model: IdentifiedModel,
+    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+) -> Trained:
+    """Diagnosers of a model with thresholds from healthy spans of a flight."""
+    ages = max_ages(model, flight)
+    highest = max((score for score in scores(flight, spans, model)), default=0.0)
+    alarm = max(effectiveness_setup.ALARM, 1.5 * highest)
+    residuals = parity_residuals(flight, spans, model)
+    threshold = tuple(
+        calibrate_threshold(residuals[:, i], model.dt_s, false_alarms_per_hour)
+        for i in range(residuals.shape[1])
+    )
+    model = model._replace(calibration={"effectiveness_alarm": (alarm,), "parity_threshold": threshold})
+    return Trained(model, diagnosers(model, ages), model.notes)
+
+
+def diagnosers(model: IdentifiedModel, ages: dict[str, float]) -> tuple[Diagnoser, ...]:
+    """The diagnosers of a calibrated model."""
+    if not model.calibration:
+        raise CannotJudge(
+            f"the model of {model.name} has no thresholds yet; give healthy flight with --healthy or --healthy-flight"
+        )
+    parity = parity_setup.from_identified(model, ages, tuple(model.calibration["parity_threshold"]))
+    found = [parity]
+    if any(g.identifiable for g in model.groups):
+        alarm = model.calibration["effectiveness_alarm"][0]
+        found.append(effectiveness_setup.from_identified(model, ages, alarm))
+    return tuple(found)
+
+
+def scores(flight: Flight, spans: list[Span], model: IdentifiedModel) -> list[float]:
+    """Highest effectiveness score in each span."""
+    if not any(g.identifiable for g in model.groups):
+        return []
+    d = effectiveness_setup.from_identified(model, max_ages(model, flight))
+    out = []
+    for a, b in spans:
+        _, verdict = run(d, bind(flight, d.inputs, d.dt_s, a, b, who=d.name))
+        out.append(float(np.max(verdict.score, initial=0.0)))
+    return out
+
+
+def parity_residuals(flight: Flight, spans: list[Span], model: IdentifiedModel) -> Array:
+    """Residuals (n, axes) where the parity diagnoser was judging."""
+    d = parity_setup.from_identified(model, max_ages(model, flight))
+    rows = []
+    for a, b in spans:
+        _, verdict = run(d, bind(flight, d.inputs, d.dt_s, a, b, who=d.name))
+        rows.append(verdict.residual[verdict.status == Status.OK])
+    return np.concatenate(rows)
+
+
+def _homogeneous(flight: Flight, spans: list[Span], model: IdentifiedModel) -> None:
+    """Each half judged by a model of the other: a fault inside the training raises an alarm in both directions."""
+    limit = UNEQUAL * effectiveness_setup.ALARM
+    worst = max(scores(flight, spans, model), default=0.0)
+    total = sum(b - a for a, b in spans)
+    if worst < limit and total >= WHOLE_S:
+        from .spans import split
+
+        first, second = split(spans, 0.5)
+        halves = [_cross(flight, x, y) for x, y in ((first, second), (second, first))]
+        worst = min(halves)
+    if worst >= limit:
+        raise CannotJudge(
+            f"{flight.name}: the training span {_text(spans)} is not of one piece (score {worst:.0f}, limit {limit:.0f}): "
+            f"part of it may already be faulty; give a span you know to be healthy with --healthy T0:T1"
+        )
+
+
+def _cross(flight: Flight, learn: list[Span], judge: list[Span]) -> float:
+    try:
+        model = identify([(flight, a, b) for a, b in learn])
+        # Capped at twice the alarm, so the cap is raised to see by how much.
+        return max(scores(flight, judge, model), default=0.0)
+    except CannotJudge:
+        return 0.0
+
+
+def _text(spans: list[Span]) -> str:
+    return (
+        ", ".join(f"{a:.0f}-{b:.0f} s" for a, b in spans) if math.isfinite(sum(b for _, b in spans)) else "?"
+    )
