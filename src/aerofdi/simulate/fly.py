@@ -96,7 +96,7 @@ def fly(scenario: str | os.PathLike[str] | Scenario, seed: int | None = None, ru
 
 def stamps(steps: int, every: int, dt: float) -> Array:
     """Times of the instants 0, every, 2 every, ... below `steps`, s; exactly k * dt."""
-    return np.arange(0, steps, every) * dt
+    return np.asarray(np.arange(0, steps, every) * dt, np.float64)
 
 
 def assemble(r: Run, flown: int, requests: Any = None) -> Flight:

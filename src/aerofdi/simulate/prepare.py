@@ -105,7 +105,7 @@ def _sensors(s: Scenario, aircraft: Aircraft, control_hz: float) -> tuple[list[S
     ideal = tuple(c for c in needed if c not in own and c not in s.sensors)
     own |= {c: Sensor(c, control_hz) for c in needed if c not in own}
     for channel, changes in s.sensors.items():
-        own[channel] = own.get(channel, Sensor(channel, control_hz))._replace(**changes)
+        own[channel] = Sensor(**{**own.get(channel, Sensor(channel, control_hz))._asdict(), **changes})
     return [x._replace(sigma=x.sigma * s.noise_factor) for x in own.values()], ideal
 
 
