@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -115,8 +115,8 @@ class _Passenger:
     def watched(self) -> Watched:
         """What it has said so far."""
         n = self.next_look
-        said: Any = (field[:n] for field in self.out)
-        return Watched(self.d.name, self.t[:n], Verdict(*said))
+        so_far = Verdict(*(field[:n] for field in self.out))  # type: ignore[arg-type]
+        return Watched(self.d.name, self.t[:n], so_far)
 
     def look(self) -> None:
         """Bind this instant and step."""
@@ -158,8 +158,7 @@ class _Excitation:
             self.rows.append(row[self.used])
 
     def series(self) -> dict[str, Series]:
-        table = np.array(self.rows).reshape(-1, len(self.used))
-        t = np.array(self.t)
+        table, t = np.array(self.rows).reshape(len(self.t), len(self.used)), np.array(self.t)
         return {
             n: Series(t, table[:, i].copy(), u)
             for i, (n, u) in enumerate(zip(self.names, self.units, strict=True))
@@ -201,6 +200,9 @@ def _sources(r: Run, mode: Array) -> dict[str, _Source]:
 
 
 def _refuse(d: Diagnoser, sources: dict[str, _Source], servos: Sequence[str], scenario: str) -> None:
+    for name in d.outputs.names:
+        if _servo(name) not in servos:
+            raise WrongUse(f"{d.name} excites {name!r}, but scenario {scenario!r} has {', '.join(servos)}")
     inputs: Channels = d.inputs
     for name, unit in zip(inputs.names, inputs.units, strict=True):
         if name not in sources:
@@ -215,9 +217,6 @@ def _refuse(d: Diagnoser, sources: dict[str, _Source], servos: Sequence[str], sc
                 f"channel {name!r} is needed by {d.name} in {unit!r}, but scenario {scenario!r} has it in "
                 f"{sources[name].unit!r}"
             )
-    for name in d.outputs.names:
-        if _servo(name) not in servos:
-            raise WrongUse(f"{d.name} excites {name!r}, but scenario {scenario!r} has {', '.join(servos)}")
 
 
 def fly_with(
