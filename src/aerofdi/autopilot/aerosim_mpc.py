@@ -25,6 +25,11 @@ elevator trailing edge down, rudder trailing edge left positive):
     dr       = k_r (r - g sin(phi)/V)                    damper on the rate beyond that of the turn
     de       = (k_theta + k_itheta/s) (theta_ref - theta) + k_q q + turn feed-forward
     theta_ref, throttle: PI on altitude (with climb rate) and airspeed
+
+Criteria: at least 18 dB up and 60 deg from 22 to 30 m/s and from a full to an empty tank. Margins at 25
+m/s, each loop broken at its command with the others closed, with the 50 rad/s servo and the 20 Hz hold:
+aileron 20 dB, 89 deg; elevator 26 dB up, 20 dB down, 72 deg; throttle 73 deg. Bandwidths: bank 3.1,
+altitude 0.7, airspeed 0.4 rad/s.
 """
 
 from __future__ import annotations

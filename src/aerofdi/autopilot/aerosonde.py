@@ -15,9 +15,10 @@ Gains (all assumed) designed here:
 The rudder of this parameter set rolls three times more than it yaws (Cl 0.105, Cn -0.032), so a damper on
 it would work against the ailerons; the Dutch roll is damped by itself (0.42) and the rudder stays at trim.
 
-Margins at 18 and 25 m/s, each loop broken at its command with the others closed, with the 50 rad/s servo
-and half a control period of delay: aileron -25/+23 dB, 72 deg; elevator -16/+21 dB, 48 deg; throttle 28 dB,
-87 deg. Bandwidths at 18 m/s: bank 3.5, course 0.7, altitude 0.9, airspeed 1.9 rad/s.
+Criteria: at least 20 dB and 45 deg in every loop from 18 to 25 m/s. Margins at 18 m/s, each loop broken at
+its command with the others closed, with the 50 rad/s servo and the 20 Hz hold: aileron 24 dB, 72 deg;
+elevator 28 dB up, 16 dB down, 47 deg; throttle 94 deg. Bandwidths: bank 3.5, course 0.7, altitude 0.9,
+airspeed 1.9 rad/s.
 """
 
 from __future__ import annotations

@@ -9,9 +9,9 @@ every axis, so c/d is half the complementary sensitivity T(2 pi j) for ailerons 
 above 1.1, which means loops with their resonance at 1 Hz. Gains maximise c/d under max |S| <= 1.6 with
 gyros of 0.08 rad/s and attitude of 0.1 deg a sample at 50 Hz:
 
-    c/d at 1 Hz            aileron 0.71, elevator 0.64, rudder 0.90
-    max |S|, phase margin  1.63, 41 deg;  1.58, 44 deg;  1.63, 78 deg;  gain margins 12 dB up, 30 dB down
-    command noise          0.12, 0.32, 0.06 deg
+    c/d at 1 Hz            aileron 0.69, elevator 0.65, rudder 0.89
+    max |S|, phase margin  aileron 1.58, 42 deg; elevator 1.56, 44 deg; rudder 1.60, 79 deg
+    gain margins           at least 12 dB up, 30 dB down
 
 Attitude and rates go through a filter that knows they are angle and derivative (steady-state Kalman gains of
 phi'' = white noise at the control period, gyros as noisy as published); measured yaw rate gets a slower one.

@@ -72,7 +72,7 @@ def _worst_multiplier(gradient: Array, side: Array, tolerance: float) -> int:
 
 @jit
 def solve_box_qp(H: Array, g: Array, lo: Array, hi: Array, x: Array, most: int = 200) -> int:
-    """Solve in place, starting from x (held to the bounds first); the steps it took, -1 if `most` were too few.
+    """Solve in place, starting from x held to the bounds; the steps it took, -1 if `most` are too few.
 
     H: (n, n) symmetric positive definite. g, lo, hi, x: (n,), lo < hi. On -1 x is feasible and no worse
     than the start. Arrays other than x stay untouched.
