@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -115,8 +115,8 @@ class _Passenger:
     def watched(self) -> Watched:
         """What it has said so far."""
         n = self.next_look
-        so_far = Verdict(*(field[:n] for field in self.out))  # type: ignore[arg-type]
-        return Watched(self.d.name, self.t[:n], so_far)
+        fields: Any = tuple(field[:n] for field in self.out)
+        return Watched(self.d.name, self.t[:n], Verdict(*fields))
 
     def look(self) -> None:
         """Bind this instant and step."""
@@ -260,10 +260,7 @@ def _ride(prepared: Prepared, r: Run, motion: Motion, diagnosers: Sequence[Diagn
     flight = assemble(r, motion.k, mode)
     flight.measured.update(active.series())
     flight.meta["diagnosers"] = [d.name for d in diagnosers]
-    flown = [
-        Watched(q.d.name, q.t[: q.next_look], Verdict(*(f[: q.next_look] for f in q.out))) for q in riders
-    ]
-    return Flown(flight, tuple(flown))
+    return Flown(flight, tuple(q.watched() for q in riders))
 
 
 def _channels(r: Run, mode: Array, diagnosers: Sequence[Diagnoser]) -> tuple[dict[str, _Source], _Excitation]:
