@@ -10,17 +10,19 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import tempfile
+import uuid
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..core import Array, Event, Flight, Series, UnreadableFile, WrongUse
-from .log import guarded, unreadable
+from .log import guarded, printable, unreadable
 
 VERSION = 1
 KEY = b"aerofdi"
+KEY_CRC = b"aerofdi.crc32"
 TABLES = ("measured", "output", "truth")
 
 
@@ -59,6 +61,10 @@ def _clock_of(t_s: Array, clocks: list[Array]) -> int:
     return len(clocks) - 1
 
 
+def _is_clock(t_s: Array) -> bool:
+    return bool(np.isfinite(t_s).all() and (np.diff(t_s) >= 0).all())
+
+
 def _arrow(flight: Flight) -> Any:
     import pyarrow as pa
 
@@ -72,6 +78,10 @@ def _arrow(flight: Flight) -> Any:
             if t.ndim != 1 or t.shape != v.shape:
                 raise WrongUse(
                     f"{table} channel {name!r} has stamps {t.shape} and values {v.shape}; both must be (n,)"
+                )
+            if not _is_clock(t):
+                raise WrongUse(
+                    f"{table} channel {name!r} has stamps that decrease or are not finite; sort them"
                 )
             codes = None if series.codes is None else {str(k): str(x) for k, x in series.codes.items()}
             entries.append(
@@ -100,7 +110,8 @@ def _arrow(flight: Flight) -> Any:
         "parameters": _plain(flight.parameters, "parameters"),
         "meta": _plain(flight.meta, "meta"),
     }
-    schema = pa.schema(fields, metadata={KEY: json.dumps(head).encode()})
+    text = json.dumps(head).encode()
+    schema = pa.schema(fields, metadata={KEY: text, KEY_CRC: str(zlib.crc32(text)).encode()})
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
@@ -114,28 +125,26 @@ def write_flight(flight: Flight, path: str | Path) -> Path:
 
     path = Path(path)
     table = _arrow(flight)
+    beside = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
     try:
-        handle, beside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-        os.close(handle)
+        with beside.open("xb") as file:
+            parquet.write_table(
+                table,
+                file,
+                compression="zstd",
+                use_dictionary=False,
+                use_byte_stream_split=True,
+                write_page_checksum=True,
+            )
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, path)
     except OSError as error:
         raise WrongUse(f"cannot write {path}: {error.strerror or error}") from error
-    try:
-        parquet.write_table(
-            table, beside, compression="zstd", use_dictionary=False, use_byte_stream_split=True
-        )
-        os.chmod(beside, 0o666 & ~_umask())
-        os.replace(beside, path)
-    except BaseException:
+    finally:
         with contextlib.suppress(OSError):
-            os.unlink(beside)
-        raise
+            beside.unlink(missing_ok=True)
     return path
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def is_flight_file(path: Path) -> bool:
@@ -150,13 +159,17 @@ def is_flight_file(path: Path) -> bool:
 
 
 def read_flight(path: str | Path) -> Flight:
-    """The Flight in a file written by `write_flight`."""
+    """The Flight in a file written by `write_flight`; UnreadableFile where a checksum says it is damaged."""
     from pyarrow import parquet
 
     path = Path(path)
     with guarded(path, "Flight file"):
-        table = parquet.read_table(path, use_threads=False)
-        head = json.loads((table.schema.metadata or {})[KEY])
+        table = parquet.read_table(path, use_threads=False, page_checksum_verification=True)
+        metadata = table.schema.metadata or {}
+        text = metadata[KEY]
+        head = json.loads(text)
+    if metadata.get(KEY_CRC) != str(zlib.crc32(text)).encode():
+        raise unreadable(path, "the Flight file is damaged: its description does not match its checksum")
     version = head.get("version") if isinstance(head, dict) else None
     if version != VERSION:
         raise unreadable(
@@ -171,8 +184,8 @@ def read_flight(path: str | Path) -> Flight:
             if (k, n) not in clocks:
                 clocks[k, n] = np.array(columns[f"clock/{k}"][:n])
             value = np.array(columns[f"{entry['table']}/{entry['name']}"][:n])
-            if len(value) != n or len(clocks[k, n]) != n:
-                raise unreadable(path, f"channel {entry['name']!r} is shorter than the file says")
+            if len(value) != n or len(clocks[k, n]) != n or not _is_clock(clocks[k, n]):
+                raise unreadable(path, f"the Flight file is damaged in channel {printable(entry['name'])!r}")
             codes = entry["codes"] and {int(c): str(x) for c, x in entry["codes"].items()}
             tables[entry["table"]][entry["name"]] = Series(
                 clocks[k, n], value, str(entry["unit"]), codes, bool(entry["repeats"])

@@ -197,6 +197,7 @@ def _meta(log: Log, profile: Profile, path: Path) -> dict[str, Any]:
     }
 
 
+@np.errstate(all="ignore")
 def translate(log: Log, profile: Profile, path: Path) -> Flight:
     """The flight a log holds, in the house's names, units and signs.
 
