@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import tomli_w
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerofdi import aircraft
@@ -90,7 +90,9 @@ BREAKAGES = [
 
 
 @pytest.mark.parametrize(("name", "old", "new", "message"), BREAKAGES)
-def test_a_wrong_file_is_refused_with_its_line(tmp_path: Path, name: str, old: str, new: str, message: str) -> None:
+def test_a_wrong_file_is_refused_with_its_line(
+    tmp_path: Path, name: str, old: str, new: str, message: str
+) -> None:
     path, line = edited(tmp_path, name, old, new)
     with pytest.raises(WrongUse) as caught:
         load_aircraft(path)
@@ -170,7 +172,12 @@ words = st.text("abcdefgh_", min_size=1, max_size=6)
 values = st.one_of(st.integers(), st.text("ab#[]{}=\"'. ", max_size=8), st.lists(st.integers(), max_size=4))
 
 
-@given(st.dictionaries(words, st.dictionaries(words, st.one_of(values, st.dictionaries(words, values, min_size=1)))))
+@settings(deadline=None, max_examples=50)
+@given(
+    st.dictionaries(
+        words, st.dictionaries(words, st.one_of(values, st.dictionaries(words, values, min_size=1)))
+    )
+)
 def test_the_line_of_every_key_holds_that_key(document: dict) -> None:
     text = tomli_w.dumps(document, multiline_strings=False)
     lines = text.split("\n")

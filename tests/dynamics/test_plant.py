@@ -136,9 +136,7 @@ def test_a_steady_wind_only_carries_the_aircraft_along(name: str, flying: dict) 
         s = moved(t, k)
         x = step(p, x, s, t.throttle, STILL_AIR, HEALTHY_EFFECTS, 0.01)
         y = step(p, y, s, t.throttle, wind, HEALTHY_EFFECTS, 0.01)
-    assert np.allclose(
-        [y.north - x.north, y.east - x.east, y.down - x.down], [-20.0, 15.0, -5.0], atol=1e-6
-    )
+    assert np.allclose([y.north - x.north, y.east - x.east, y.down - x.down], [-20.0, 15.0, -5.0], atol=1e-6)
     assert np.allclose(x[6:14], y[6:14], atol=1e-8)
 
 
@@ -159,12 +157,14 @@ def test_trimmed_flight_stays_trimmed(name: str, flying: dict) -> None:
 
 
 def test_burnt_fuel_is_lost_mass_and_nothing_else(flying: dict) -> None:
-    a, p, t = flying["aerosonde_aerosim"]
+    _, p, t = flying["aerosonde_aerosim"]
     x = t.state
     burnt = flow = 0.0
     for _ in range(3000):
         k = derivative(p, x, t.surfaces, t.throttle, STILL_AIR, HEALTHY_EFFECTS)
-        y = rk4_step(p, x, k, t.surfaces, t.throttle, t.surfaces, t.throttle, STILL_AIR, HEALTHY_EFFECTS, 0.01)
+        y = rk4_step(
+            p, x, k, t.surfaces, t.throttle, t.surfaces, t.throttle, STILL_AIR, HEALTHY_EFFECTS, 0.01
+        )
         flow = -k.fuel
         burnt += 0.01 * flow
         x = y
@@ -221,7 +221,10 @@ def test_a_fault_of_one_wing_rolls_and_yaws_towards_it(name: str, flying: dict) 
     assert both.p == pytest.approx(healthy.p, abs=1e-9)
     weak = rates(thrust=0.5)
     assert weak.u == pytest.approx(
-        healthy.u - 0.5 * thrust(p, t.state, t.throttle, STILL_AIR, HEALTHY_EFFECTS) / (p.body.mass.mass + t.state.fuel),
+        healthy.u
+        - 0.5
+        * thrust(p, t.state, t.throttle, STILL_AIR, HEALTHY_EFFECTS)
+        / (p.body.mass.mass + t.state.fuel),
         rel=1e-4,  # alpha-dot derivatives answer the lost thrust a little
     )
 

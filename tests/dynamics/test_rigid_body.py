@@ -4,16 +4,24 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerofdi.aircraft import load_aircraft
 from aerofdi.dynamics.build import plant_params
 from aerofdi.dynamics.plant import PlantParams, derivative, step
-from aerofdi.dynamics.rigid_body import angular_acceleration, euler, quaternion, quaternion_rate, to_body, to_ned
+from aerofdi.dynamics.rigid_body import (
+    angular_acceleration,
+    euler,
+    quaternion,
+    quaternion_rate,
+    to_body,
+    to_ned,
+)
 from aerofdi.dynamics.types import HEALTHY_EFFECTS, STILL_AIR, State
 
 OFF = (0.0,) * 8
+ULTRASTICK = plant_params(load_aircraft("ultrastick120"))
 angle = st.floats(-3.1, 3.1)
 pitch = st.floats(-1.5, 1.5)
 rate = st.floats(-3.0, 3.0)
@@ -32,7 +40,9 @@ def inertia(p: PlantParams) -> np.ndarray:
 
 
 @pytest.mark.parametrize("rates", [(1.0, 0.0, 0.0), (0.05, 1.0, 0.05), (0.5, -0.6, 0.6), (-0.3, 0.2, 0.9)])
-def test_tumbling_without_torque_conserves_energy_and_angular_momentum(rates: tuple[float, float, float]) -> None:
+def test_tumbling_without_torque_conserves_energy_and_angular_momentum(
+    rates: tuple[float, float, float],
+) -> None:
     p = adrift("aerosonde")
     J = inertia(p)
     x = State(0.0, 0.0, 0.0, 3.0, -2.0, 1.0, *quaternion(0.3, 0.4, 0.5), *rates, 0.0, 0.0)
@@ -63,6 +73,7 @@ def test_tumbling_without_torque_conserves_energy_and_angular_momentum(rates: tu
     assert np.linalg.norm(distance - 60.0 * velocity) / np.linalg.norm(60.0 * velocity) < 1e-8
 
 
+@settings(deadline=None)
 @given(angle, pitch, angle)
 def test_quaternion_and_euler_angles_agree(phi: float, theta: float, psi: float) -> None:
     e = quaternion(phi, theta, psi)
@@ -79,6 +90,7 @@ def test_quaternion_and_euler_angles_agree(phi: float, theta: float, psi: float)
     assert np.allclose(to_body(*e, *to_ned(*e, *v)), v, atol=1e-14)
 
 
+@settings(deadline=None)
 @given(angle, pitch, angle, rate, rate, rate)
 def test_quaternion_and_euler_rates_agree(
     phi: float, theta: float, psi: float, p: float, q: float, r: float
@@ -99,21 +111,21 @@ def test_quaternion_and_euler_rates_agree(
     assert np.allclose(step_ / (2 * h), expected, rtol=1e-6, atol=1e-6 / c(theta) ** 3)
 
 
+@settings(deadline=None)
 @given(rate, rate, rate, rate, rate, rate, st.floats(-1.0, 1.0))
 def test_angular_acceleration_solves_the_equation_of_euler(
     p: float, q: float, r: float, L: float, M: float, N: float, h: float
 ) -> None:
-    params = plant_params(load_aircraft("ultrastick120"))
-    J = inertia(params)
+    J = inertia(ULTRASTICK)
     w = np.array([p, q, r])
-    dw = np.array(angular_acceleration(params.body.mass.inertia, h, p, q, r, L, M, N))
+    dw = np.array(angular_acceleration(ULTRASTICK.body.mass.inertia, h, p, q, r, L, M, N))
     left = J @ dw + np.cross(w, J @ w + [h, 0.0, 0.0])
     assert np.allclose(left, [L, M, N], atol=1e-12)
 
 
 def test_a_free_rotor_keeps_the_angular_momentum_of_the_whole() -> None:
     """Body and rotor spin without outside torque: the whole momentum stays, although the body nods."""
-    J = plant_params(load_aircraft("ultrastick120")).body.mass.inertia
+    J = ULTRASTICK.body.mass.inertia
     x = np.array([*quaternion(0.0, 0.0, 0.0), 0.1, 0.3, -0.2])
     h = 0.43
 
@@ -122,7 +134,9 @@ def test_a_free_rotor_keeps_the_angular_momentum_of_the_whole() -> None:
 
     def whole(x: np.ndarray) -> np.ndarray:
         w = x[4:]
-        return np.array(to_ned(*x[:4], J.Jx * w[0] - J.Jxz * w[2] + h, J.Jy * w[1], J.Jz * w[2] - J.Jxz * w[0]))
+        return np.array(
+            to_ned(*x[:4], J.Jx * w[0] - J.Jxz * w[2] + h, J.Jy * w[1], J.Jz * w[2] - J.Jxz * w[0])
+        )
 
     start, q0 = whole(x), x[5]
     for _ in range(1000):

@@ -52,7 +52,12 @@ def test_vireo_equals_the_published_matrices_to_every_digit_but_one() -> None:
     lat = linearise(a, 15.4, states=["v", "p", "r", "phi"], inputs=["aileron"], outputs=["phi", "p", "r"])
     off = []
     for ours, printed in ((lon.A, A_LON), (lat.A, A_LAT)):
-        off += [(i, j) for i, row in enumerate(printed) for j, text in enumerate(row) if not rounds_to(ours[i, j], text)]
+        off += [
+            (i, j)
+            for i, row in enumerate(printed)
+            for j, text in enumerate(row)
+            if not rounds_to(ours[i, j], text)
+        ]
     for ours, column in ((lon.B, B_LON), (lat.B, B_LAT)):
         off += [(i, 0) for i, text in enumerate(column) if not rounds_to(ours[i, 0], text)]
     assert off == []
@@ -101,7 +106,9 @@ def test_vireo_over_airspeed() -> None:
         assert (np.abs(np.array(ours) - expected) <= np.array(tolerance) * 1.02).all(), (V, ours, expected)
 
 
-def values(a: Aircraft, V: float, h: float | None = None, params: PlantParams | None = None, **steps: float) -> dict:
+def values(
+    a: Aircraft, V: float, h: float | None = None, params: PlantParams | None = None, **steps: float
+) -> dict:
     t = trim(a, V, h, params=params)
     return {
         "alpha": t.alpha / DEG,
@@ -312,7 +319,16 @@ def test_linear_and_nonlinear_flight_agree_near_trim(name: str) -> None:
         x = step(p, x, t.surfaces, t.throttle, STILL_AIR, HEALTHY_EFFECTS, 0.01)
     z = outputs(p, x, x, STILL_AIR)
     s = t.state
-    real = [x.u - s.u, x.v - s.v, x.w - s.w, x.p - s.p, x.q - s.q, x.r - s.r, z.phi - t.phi, z.theta - t.theta]
+    real = [
+        x.u - s.u,
+        x.v - s.v,
+        x.w - s.w,
+        x.p - s.p,
+        x.q - s.q,
+        x.r - s.r,
+        z.phi - t.phi,
+        z.theta - t.theta,
+    ]
     size = np.abs(linear[:8]).max()
     assert size > 1e-3
     # The wind-tunnel drag has a kink at zero sideslip, which no linear model has.
@@ -321,7 +337,9 @@ def test_linear_and_nonlinear_flight_agree_near_trim(name: str) -> None:
 
 def test_inputs_of_wind_and_faults_are_those_of_the_air() -> None:
     a = load_aircraft("vireo")
-    m = linearise(a, 15.4, inputs=["gust_u", "wind_north", "gust_v", "gust_w", "thrust", "lift_left", "elevator"])
+    m = linearise(
+        a, 15.4, inputs=["gust_u", "wind_north", "gust_v", "gust_w", "thrust", "lift_left", "elevator"]
+    )
     states = {n: i for i, n in enumerate(m.states)}
     aero_u = m.A[:, states["u"]].copy()
     assert m.B[states["u"], 0] == pytest.approx(-aero_u[states["u"]])  # a tail gust is a loss of airspeed
@@ -353,8 +371,20 @@ def test_selection_of_a_model_keeps_names_and_units() -> None:
 
 def test_a_grid_carries_names_and_refuses_nonsense() -> None:
     a = load_aircraft("ultrastick120")
-    g = lpv_grid(a, [20.0, 23.0, 26.0], states=LATERAL, inputs=["rudder", "aileron"], outputs=["beta", "r"], rate_bounds=(-3.0, 3.0))
-    assert g.A.shape == (3, 4, 4) and g.B.shape == (3, 4, 2) and g.C.shape == (3, 2, 4) and g.D.shape == (3, 2, 2)
+    g = lpv_grid(
+        a,
+        [20.0, 23.0, 26.0],
+        states=LATERAL,
+        inputs=["rudder", "aileron"],
+        outputs=["beta", "r"],
+        rate_bounds=(-3.0, 3.0),
+    )
+    assert (
+        g.A.shape == (3, 4, 4)
+        and g.B.shape == (3, 4, 2)
+        and g.C.shape == (3, 2, 4)
+        and g.D.shape == (3, 2, 2)
+    )
     assert g.rate_bounds == (-3.0, 3.0) and g.output_units == ("rad", "rad/s")
     assert np.allclose(g.C[1, 0, 0], 1.0 / 23.0, rtol=1e-6)
     with pytest.raises(WrongUse, match="rises"):
@@ -377,8 +407,16 @@ def test_modes_are_named_by_what_they_are() -> None:
         return A
 
     assert [m.name for m in longitudinal_modes(block(-0.1 + 0.4j, -4 + 8j))] == ["short period", "phugoid"]
-    assert [m.name for m in longitudinal_modes(block(-9, -4, -0.1 + 0.4j))] == ["short period", "short period", "phugoid"]
-    assert [m.name for m in longitudinal_modes(block(-4 + 8j, -0.3, -0.1))] == ["short period", "phugoid", "phugoid"]
+    assert [m.name for m in longitudinal_modes(block(-9, -4, -0.1 + 0.4j))] == [
+        "short period",
+        "short period",
+        "phugoid",
+    ]
+    assert [m.name for m in longitudinal_modes(block(-4 + 8j, -0.3, -0.1))] == [
+        "short period",
+        "phugoid",
+        "phugoid",
+    ]
     assert [m.name for m in lateral_modes(block(-1 + 4j, 0.05, -11))] == ["roll", "spiral", "Dutch roll"]
     assert [m.name for m in lateral_modes(block(-1 + 4j, -3 + 1j))] == ["Dutch roll", "roll-spiral"]
     spiral = lateral_modes(block(-1 + 4j, 0.05, -11))[1]

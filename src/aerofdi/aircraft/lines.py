@@ -10,9 +10,13 @@ from typing import Any
 from ..core.errors import UnreadableFile
 
 _HEADER = re.compile(r"^\s*(\[\[|\[)\s*([^\[\]]+?)\s*(\]\]|\])")
-_KEY = re.compile(r"""^\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
+_KEY = re.compile(
+    r"""^\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*="""
+)
 _PART = re.compile(r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'""")
-_STRING = re.compile(r'"""(?:[^\\]|\\.)*?"""|\'\'\'.*?\'\'\'|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*', re.DOTALL)
+_STRING = re.compile(
+    r'"""(?:[^\\]|\\.)*?"""|\'\'\'.*?\'\'\'|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*', re.DOTALL
+)
 
 Path_ = tuple[str | int, ...]
 
@@ -26,7 +30,9 @@ def _blank(text: str) -> str:
 
     def hide(match: re.Match[str]) -> str:
         s = match.group()
-        quoted_key = s[0] in "\"'" and "\n" not in s and text[match.end() :].lstrip(" \t")[:1] in ("=", ".", "]")
+        quoted_key = (
+            s[0] in "\"'" and "\n" not in s and text[match.end() :].lstrip(" \t")[:1] in ("=", ".", "]")
+        )
         return s if quoted_key else re.sub(r"[^\n]", " ", s)
 
     return _STRING.sub(hide, text)

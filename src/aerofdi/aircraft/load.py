@@ -14,6 +14,7 @@ import numpy as np
 from ..core.errors import WrongUse
 from .identified import parse_identified
 from .lines import Path_, read_toml
+from .physics import physical_fault
 from .schema import (
     AERO,
     COMMANDS,
@@ -107,8 +108,21 @@ class _Reader:
         if kind != "full":
             raise self.refuse(("kind",), f"kind is {kind!r}; accepted: 'full', 'identified'")
         if self.document.get("format") != FORMAT:
-            raise self.refuse(("format",), f"format is {self.document.get('format')!r}; this version reads {FORMAT}")
-        allowed = {"format", "kind", "name", "title", "sources", "aero", "propulsion", "surface", "sensor", "autopilot"}
+            raise self.refuse(
+                ("format",), f"format is {self.document.get('format')!r}; this version reads {FORMAT}"
+            )
+        allowed = {
+            "format",
+            "kind",
+            "name",
+            "title",
+            "sources",
+            "aero",
+            "propulsion",
+            "surface",
+            "sensor",
+            "autopilot",
+        }
         self.only(self.document, (), allowed | {s for s in SECTIONS if "." not in s})
         name, title = (self.word(self.document, (), k, Choice()) for k in ("name", "title"))
         self._sources()
@@ -117,7 +131,9 @@ class _Reader:
         inputs = self._aero()
         self._propulsion()
         surfaces = tuple(self._surfaces(inputs))
-        self._physics()
+        fault = physical_fault(self.numbers, self.settings)
+        if fault:
+            raise self.refuse(*fault)
         tables = {}
         if self.settings["aero.kind"] == "tables":
             tables = read_tables(self.path.parent / self.settings["aero.file"])
@@ -143,7 +159,9 @@ class _Reader:
                 f"{self.path}: not a complete identified aircraft ({type(error).__name__}: {error}); "
                 f"make it again with `aerofdi identify`"
             ) from None
-        return Aircraft(model.name, f"identified from flights: {model.name}", "identified", self.path, identified=model)
+        return Aircraft(
+            model.name, f"identified from flights: {model.name}", "identified", self.path, identified=model
+        )
 
     def only(self, table: dict[str, Any], at: Path_, allowed: Iterable[str]) -> None:
         """Refuse keys the schema does not know."""
@@ -152,14 +170,17 @@ class _Reader:
             if key not in known:
                 where = ".".join(str(p) for p in at)
                 raise self.refuse(
-                    (*at, key), f"unknown key {key!r}{f' in [{where}]' if where else ''}; known: {', '.join(known)}"
+                    (*at, key),
+                    f"unknown key {key!r}{f' in [{where}]' if where else ''}; known: {', '.join(known)}",
                 )
 
     def _sources(self) -> None:
         sources = self.table("sources")
         for key, text in sources.items():
             if not isinstance(text, str) or not text:
-                raise self.refuse(("sources", key), f"source {key!r} must be a text that names where numbers come from")
+                raise self.refuse(
+                    ("sources", key), f"source {key!r} must be a text that names where numbers come from"
+                )
         self.sources = sources
 
     def table(self, dotted: str, required: bool = True) -> dict[str, Any]:
@@ -177,7 +198,9 @@ class _Reader:
             raise self.refuse(at, f"[{dotted}] must be a table")
         return found
 
-    def section(self, dotted: str, spec: Section, required: bool = True, subtables: tuple[str, ...] = ()) -> None:
+    def section(
+        self, dotted: str, spec: Section, required: bool = True, subtables: tuple[str, ...] = ()
+    ) -> None:
         """Read every key of a section into numbers and settings."""
         table = self.table(dotted, required)
         if table or required:
@@ -218,7 +241,9 @@ class _Reader:
                 raise self.refuse(at, f"{name} has no {key!r}; it must be {form}")
         factor = ACCEPTED[item.unit].get(entry["unit"])
         if factor is None:
-            raise self.refuse(at, f"{name} is in {entry['unit']!r}; accepted: {', '.join(ACCEPTED[item.unit])}")
+            raise self.refuse(
+                at, f"{name} is in {entry['unit']!r}; accepted: {', '.join(ACCEPTED[item.unit])}"
+            )
         if entry["src"] not in self.sources:
             raise self.refuse(at, f"{name} has the source {entry['src']!r}, which [sources] does not list")
         assumed = entry.get("assumed", False)
@@ -305,9 +330,13 @@ class _Reader:
                 raise self.refuse((*at, key), f"surface {name!r} needs {key}.<one of {', '.join(allowed)}>")
             self.only(table, (*at, key), allowed)
             for target, number in table.items():
-                self.numbers[f"{prefix}.{key}.{target}"] = self.read_number(number, (*at, key, target), Item("1"))
+                self.numbers[f"{prefix}.{key}.{target}"] = self.read_number(
+                    number, (*at, key, target), Item("1")
+                )
             weights[key] = {t: float(self.numbers[f"{prefix}.{key}.{t}"].value) for t in table}
-        number = {k: float(self.numbers[f"{prefix}.{k}"].value) for k in SURFACE if f"{prefix}.{k}" in self.numbers}
+        number = {
+            k: float(self.numbers[f"{prefix}.{k}"].value) for k in SURFACE if f"{prefix}.{k}" in self.numbers
+        }
         order = self.settings[f"{prefix}.actuator"]
         needs = {"none": (), "first_order": ("bandwidth",), "second_order": ("bandwidth", "damping")}[order]
         for key in needs:
@@ -336,7 +365,9 @@ class _Reader:
         self.only(table, ("sensor",), SENSOR_UNITS)
         for channel in table:
             unit = SENSOR_UNITS[channel]
-            self.section(f"sensor.{channel}", {"noise": Item(unit, low=0.0, closed=True), "rate": Item("Hz", low=0.0)})
+            self.section(
+                f"sensor.{channel}", {"noise": Item(unit, low=0.0, closed=True), "rate": Item("Hz", low=0.0)}
+            )
             noise, rate = (self.numbers[f"sensor.{channel}.{k}"].value for k in ("noise", "rate"))
             out[channel] = Sensor(channel, unit, noise, rate)
         return out
@@ -348,50 +379,12 @@ class _Reader:
         def check(entry: Any, at: Path_) -> None:
             if isinstance(entry, dict) and "v" in entry:
                 if entry.get("src") not in self.sources:
-                    raise self.refuse(at, f"{'.'.join(map(str, at))}: src {entry.get('src')!r} is not in [sources]")
+                    raise self.refuse(
+                        at, f"{'.'.join(map(str, at))}: src {entry.get('src')!r} is not in [sources]"
+                    )
             elif isinstance(entry, dict):
                 for key, value in entry.items():
                     check(value, (*at, key))
 
         check(table, ("autopilot",))
         return table
-
-    def _physics(self) -> None:
-        """What no single number shows: inertia, mass of fuel, envelope, tables of a map."""
-        value = {k: n.value for k, n in self.numbers.items()}
-        for section in ("mass", "mass.full"):
-            if f"{section}.Ixx" in value:
-                self._inertia(section, *(value[f"{section}.{k}"] for k in ("Ixx", "Iyy", "Izz", "Ixz")))
-        if "mass.full.mass" in value and value["mass.full.mass"] <= value["mass.mass"]:
-            raise self.refuse(("mass", "full", "mass"), "the full mass must be above the empty mass in [mass]")
-        if not value["envelope.min_airspeed"] < value["envelope.max_airspeed"]:
-            raise self.refuse(("envelope", "min_airspeed"), "min_airspeed must be below max_airspeed")
-        if self.settings["atmosphere.model"] == "constant" and "atmosphere.density" not in value:
-            raise self.refuse(("atmosphere",), "[atmosphere] with a constant density misses 'density' (kg/m^3)")
-        if self.settings["propulsion.kind"] == "engine_map":
-            self._engine_map({k.split(".")[1]: v for k, v in value.items() if k.startswith("propulsion.")})
-
-    def _inertia(self, section: str, xx: float, yy: float, zz: float, xz: float) -> None:
-        at = (*section.split("."), "Ixx")
-        tensor = np.array([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
-        a, b, c = np.linalg.eigvalsh(tensor)
-        if a <= 0.0 or a + b < c * (1.0 - 1e-9):
-            raise self.refuse(
-                at,
-                f"the inertia of [{section}] is not that of any body: principal moments {a:.4g}, {b:.4g}, {c:.4g} "
-                f"kg m^2 must be positive and none above the sum of the other two",
-            )
-
-    def _engine_map(self, value: dict[str, Any]) -> None:
-        sizes = {
-            "CT": (len(value["advance_ratio"]),),
-            "CP": (len(value["advance_ratio"]),),
-            "power": (len(value["engine_speed"]), len(value["manifold_pressure"])),
-            "fuel_flow": (len(value["engine_speed"]), len(value["manifold_pressure"])),
-        }
-        for key, size in sizes.items():
-            if value[key].shape != size:
-                raise self.refuse(("propulsion", key), f"propulsion.{key} has shape {value[key].shape}, expected {size}")
-        for key in ("advance_ratio", "engine_speed", "manifold_pressure"):
-            if len(value[key]) < 2 or (np.diff(value[key]) <= 0.0).any():
-                raise self.refuse(("propulsion", key), f"propulsion.{key} must increase strictly")

@@ -122,7 +122,9 @@ DERIVATIVES: Section = {
 }
 CONTROL: Section = {name: _RATE for name in ("CD", "CY", "CL", "Cl", "Cm", "Cn")}
 ICING: Section = {
-    k: optional("1") for k in DERIVATIVES if k not in ("CD_induced", "CL_min_drag", "CL_alpha_dot", "Cm_alpha_dot")
+    k: optional("1")
+    for k in DERIVATIVES
+    if k not in ("CD_induced", "CL_min_drag", "CL_alpha_dot", "Cm_alpha_dot")
 }
 ICING_CONTROL: Section = {name: optional("1") for name in CONTROL}
 TABLE_INPUTS = ("elevator", "aileron_left", "aileron_right", "rudder_top", "rudder_bottom", "flap")

@@ -34,7 +34,9 @@ def read_tables(path: Path) -> dict[str, Array]:
             raise refuse((key,), f"unknown table {key!r}; known: {', '.join(sorted(known))}")
     unit = document.get("angle_unit")
     if unit not in ("deg", "rad") or not isinstance(document.get("source"), str):
-        raise refuse(("angle_unit",), "a wind-tunnel file needs angle_unit = 'deg' or 'rad', and source = a text")
+        raise refuse(
+            ("angle_unit",), "a wind-tunnel file needs angle_unit = 'deg' or 'rad', and source = a text"
+        )
     scale = DEG if unit == "deg" else 1.0
     for name, (axes, coefficients) in WIND_TUNNEL.items():
         table: Any = document.get(name)
@@ -44,7 +46,9 @@ def read_tables(path: Path) -> dict[str, Array]:
         for axis in axes:
             x = np.array(table[axis], dtype=float)
             if x.ndim != 1 or len(x) < 2 or not np.isfinite(x).all() or (np.diff(x) <= 0.0).any():
-                raise refuse((name, axis), f"{name}.{axis} must be two or more numbers that increase strictly")
+                raise refuse(
+                    (name, axis), f"{name}.{axis} must be two or more numbers that increase strictly"
+                )
             out[f"{name}.{axis}"] = x * (scale if axis in _ANGLES else 1.0)
             shape = (*shape, len(x))
         shape = (*shape, coefficients) if coefficients else shape

@@ -155,8 +155,13 @@ def _table_aero(a: Aircraft) -> TableAero:
     t = a.tables
     J = a.number("aero.advance_ratio")
     span = a.number("reference.span")
-    if not (np.array_equal(t["base.alpha"], t["aileron.alpha"]) and np.array_equal(t["base.alpha"], t["rudder.alpha"])):
-        raise WrongUse(f"{a.path}: the tables base, aileron, rudder, elevator, flap must have the same alpha axis")
+    if not (
+        np.array_equal(t["base.alpha"], t["aileron.alpha"])
+        and np.array_equal(t["base.alpha"], t["rudder.alpha"])
+    ):
+        raise WrongUse(
+            f"{a.path}: the tables base, aileron, rudder, elevator, flap must have the same alpha axis"
+        )
 
     def at_ratio(name: str, axis: int) -> Array:
         """The table at the advance ratio, its axis gone, edges held."""
@@ -199,7 +204,8 @@ def _propulsion(a: Aircraft) -> Any:
     if kind == "actuator_disc":
         return ActuatorDisc(n("area"), n("efficiency"), n("speed"))
     if kind == "propeller_speed":
-        return PropellerSpeed(n("diameter"), *coefficients("CT"), n("max_speed"), n("time_constant"))
+        CT_0, CT_1, CT_2 = coefficients("CT")
+        return PropellerSpeed(n("diameter"), CT_0, CT_1, CT_2, n("max_speed"), n("time_constant"))
     if kind == "propeller_power":
         return PropellerPower(
             n("diameter"), coefficients("CT"), coefficients("CP"), n("max_advance_ratio"), coefficients("power"),

@@ -1,9 +1,9 @@
 """Linear models of the plant about a trim, named; modes; grids over airspeed.
 
 States   u v w p q r phi theta psi north east altitude engine fuel (Euler angles instead of the quaternion)
-Inputs   any surface, any classic command (elevator, aileron, rudder, flap: moves its surfaces as the aircraft file says),
-         throttle, wind_north wind_east wind_down, gust_u gust_v gust_w gust_p gust_q gust_r (the air's velocity and
-         rotation), lift_left lift_right drag_left drag_right icing thrust (the effects of faults)
+Inputs   any surface, any classic command (elevator, aileron, rudder, flap; moves its surfaces as the aircraft
+         file says), throttle, wind_north wind_east wind_down, gust_u gust_v gust_w gust_p gust_q gust_r (the
+         air's velocity and rotation), lift_left lift_right drag_left drag_right icing thrust (effects of faults)
 Outputs  any state, airspeed alpha beta ax ay az climb_rate groundspeed
 A model of fewer states is cut out of the full one: the others stay at trim.
 """
@@ -59,26 +59,32 @@ class LinearModel(NamedTuple):
     trim: Trim
 
     def select(
-        self, states: Sequence[str] | None = None, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
+        self,
+        states: Sequence[str] | None = None,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
     ) -> LinearModel:
         """The model with fewer states, inputs and outputs, in the order asked for; left-out states stay at trim."""
-        s, i, o = (
-            _places(have, want, what)
-            for have, want, what in (
-                (self.states, states, "state"),
-                (self.inputs, inputs, "input"),
-                (self.outputs, outputs, "output"),
-            )
-        )
+        s = _places(self.states, states, "state")
+        i = _places(self.inputs, inputs, "input")
+        o = _places(self.outputs, outputs, "output")
+
+        def take(names: tuple[str, ...], places: list[int]) -> tuple[str, ...]:
+            return tuple(names[k] for k in places)
+
         return LinearModel(
-            self.A[np.ix_(s, s)], self.B[np.ix_(s, i)], self.C[np.ix_(o, s)], self.D[np.ix_(o, i)],
-            *(tuple(names[k] for k in at) for names, at in ((self.states, s), (self.inputs, i), (self.outputs, o))),
-            *(
-                tuple(units[k] for k in at)
-                for units, at in ((self.state_units, s), (self.input_units, i), (self.output_units, o))
-            ),
-            self.trim,
-        )  # fmt: skip
+            A=self.A[np.ix_(s, s)],
+            B=self.B[np.ix_(s, i)],
+            C=self.C[np.ix_(o, s)],
+            D=self.D[np.ix_(o, i)],
+            states=take(self.states, s),
+            inputs=take(self.inputs, i),
+            outputs=take(self.outputs, o),
+            state_units=take(self.state_units, s),
+            input_units=take(self.input_units, i),
+            output_units=take(self.output_units, o),
+            trim=self.trim,
+        )
 
 
 class LPVGrid(NamedTuple):
@@ -192,7 +198,15 @@ class _Point(NamedTuple):
 
     def state_direction(self, name: str) -> tuple[Array, float]:
         """Unit vector along a state and the size of its difference step."""
-        size = {"u": 1e-3, "v": 1e-3, "w": 1e-3, "north": 1.0, "east": 1.0, "altitude": 1.0, "fuel": 1e-3}.get(name, 1e-5)
+        size = {
+            "u": 1e-3,
+            "v": 1e-3,
+            "w": 1e-3,
+            "north": 1.0,
+            "east": 1.0,
+            "altitude": 1.0,
+            "fuel": 1e-3,
+        }.get(name, 1e-5)
         if name == "engine" and self.trim.state.engine > 1.0:
             size = 1e-5 * self.trim.state.engine
         return self._direction(list(STATES).index(name), size)
@@ -237,7 +251,9 @@ class _Point(NamedTuple):
             "psi": (q * sf + r * cf) / cos(theta),
             "north": k.north, "east": k.east, "altitude": -k.down, "engine": k.engine, "fuel": k.fuel,
         }  # fmt: skip
-        now = dict(zip(STATES, (u, v, w, p, q, r, phi, theta, psi, x[9], x[10], x[11], x[12], x[13]), strict=True))
+        now = dict(
+            zip(STATES, (u, v, w, p, q, r, phi, theta, psi, x[9], x[10], x[11], x[12], x[13]), strict=True)
+        )
         return rates, {**y, **now}
 
     def columns(
@@ -295,11 +311,20 @@ def lpv_grid(
     ]
     first = models[0]
     return LPVGrid(
-        speeds, rate_bounds,
-        *(np.array([getattr(m, k) for m in models]) for k in "ABCD"),
-        first.states, first.inputs, first.outputs, first.state_units, first.input_units, first.output_units,
-        tuple(m.trim for m in models),
-    )  # fmt: skip
+        airspeeds=speeds,
+        rate_bounds=rate_bounds,
+        A=np.array([m.A for m in models]),
+        B=np.array([m.B for m in models]),
+        C=np.array([m.C for m in models]),
+        D=np.array([m.D for m in models]),
+        states=first.states,
+        inputs=first.inputs,
+        outputs=first.outputs,
+        state_units=first.state_units,
+        input_units=first.input_units,
+        output_units=first.output_units,
+        trims=tuple(m.trim for m in models),
+    )
 
 
 def _mode(name: str, eigenvalue: complex) -> Mode:
@@ -354,7 +379,12 @@ def modes(
     condition, steps, params as in `linearise`. For banked trims the split is an approximation.
     """
     full = linearise(
-        aircraft, condition, states=(*LONGITUDINAL, *LATERAL), inputs=("throttle",), steps=steps, params=params
+        aircraft,
+        condition,
+        states=(*LONGITUDINAL, *LATERAL),
+        inputs=("throttle",),
+        steps=steps,
+        params=params,
     )
     return longitudinal_modes(full.select(LONGITUDINAL).A) + lateral_modes(full.select(LATERAL).A)
 
@@ -365,7 +395,6 @@ __all__ = [
     "LPVGrid",
     "LinearModel",
     "Mode",
-
     "lateral_modes",
     "linearise",
     "longitudinal_modes",

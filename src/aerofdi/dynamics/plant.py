@@ -82,7 +82,7 @@ class Body(NamedTuple):
 
 
 class PlantParams(NamedTuple):
-    """Everything the plant needs; control, aero, propulsion are NamedTuples of the kinds in aero, tables, propulsion."""
+    """Everything the plant needs; control, aero, propulsion are of the kinds in aero, tables, propulsion."""
 
     control: Any
     body: Body
@@ -136,6 +136,17 @@ def _aerodynamic_load(
 
 
 @inline
+def _inertia(mp: MassProperties, fuel: float) -> Inertia:
+    """The inertia with that much fuel."""
+    return Inertia(
+        mp.inertia.Jx + mp.inertia_slope.Jx * fuel,
+        mp.inertia.Jy + mp.inertia_slope.Jy * fuel,
+        mp.inertia.Jz + mp.inertia_slope.Jz * fuel,
+        mp.inertia.Jxz + mp.inertia_slope.Jxz * fuel,
+    )
+
+
+@inline
 def _rates(
     body: Body,
     ice: Any,
@@ -178,12 +189,7 @@ def _rates(
         w_dot -= lift * a.ca * per_m
         M += qSc * wing.chord * wing.Cm_alpha_dot * alpha_dot
         M += lift * ((cg_z - wing.ref_z) * a.sa + (cg_x - wing.ref_x) * a.ca)
-    J = Inertia(
-        mp.inertia.Jx + mp.inertia_slope.Jx * x.fuel,
-        mp.inertia.Jy + mp.inertia_slope.Jy * x.fuel,
-        mp.inertia.Jz + mp.inertia_slope.Jz * x.fuel,
-        mp.inertia.Jxz + mp.inertia_slope.Jxz * x.fuel,
-    )
+    J = _inertia(mp, x.fuel)
     p_dot, q_dot, r_dot = angular_acceleration(J, T.momentum, x.p, x.q, x.r, F.L + T.torque, M, F.N)
     n_dot, e_dot, d_dot = to_ned(e0, e1, e2, e3, x.u, x.v, x.w)
     r0, r1, r2, r3 = quaternion_rate(e0, e1, e2, e3, x.p, x.q, x.r)
@@ -279,7 +285,13 @@ def rk4_step(
 
 @inline
 def step(
-    params: PlantParams, x: State, surfaces: Surfaces, throttle: float, wind: Wind, effects: Effects, dt: float
+    params: PlantParams,
+    x: State,
+    surfaces: Surfaces,
+    throttle: float,
+    wind: Wind,
+    effects: Effects,
+    dt: float,
 ) -> State:
     """The state dt later with everything held; `rk4_step` with its first stage included."""
     k1 = derivative(params, x, surfaces, throttle, wind, effects)

@@ -89,7 +89,11 @@ def _aileron(aero: TableAero, i: int, f: float, beta: float, d: float) -> float:
     s = where(d < 0.0, -1.0, 1.0)
     j, g = held(aero.beta, s * beta)
     k, h = locate(aero.aileron_d, s * d)
-    return 0.5 * s * (_plane(aero.aileron, i, f, j, g, k) * (1.0 - h) + _plane(aero.aileron, i, f, j, g, k + 1) * h)
+    return (
+        0.5
+        * s
+        * (_plane(aero.aileron, i, f, j, g, k) * (1.0 - h) + _plane(aero.aileron, i, f, j, g, k + 1) * h)
+    )
 
 
 @inline

@@ -209,13 +209,21 @@ def trim(
     equations = 7 + any(u.name == "engine" for u in unknowns)
     if len(unknowns) < equations:
         raise WrongUse(
-            f"aircraft {aircraft.name!r}: with {sorted(stuck)} stuck only the commands {commands} remain, too few to hold "
-            f"every condition; free one of {', '.join(FREE)}"
+            f"aircraft {aircraft.name!r}: with {sorted(stuck)} stuck only the commands {commands} remain, too few to "
+            f"hold every condition; free one of {', '.join(FREE)}"
         )
     known = {k: float(v) for k, v in fixed.items() if v is not None}
     known |= {"phi": known.pop("bank", 0.0), "beta": known.pop("sideslip", 0.0), "engine": 0.0}
     problem = _Problem(
-        params, unknowns, known, h, fuel_capacity(aircraft) if fuel is None else fuel, base, matrix, commands, effects
+        params,
+        unknowns,
+        known,
+        h,
+        fuel_capacity(aircraft) if fuel is None else fuel,
+        base,
+        matrix,
+        commands,
+        effects,
     )
     return problem.solve(aircraft)
 
@@ -269,7 +277,14 @@ class _Problem(NamedTuple):
         for nudge in (0.0, 0.1, -0.1):
             x0 = np.clip(start + nudge * scale, low + 1e-9, high - 1e-9)
             found = least_squares(
-                self.residual, x0, bounds=(low, high), x_scale=scale, jac="3-point", xtol=1e-15, ftol=1e-15, gtol=1e-15
+                self.residual,
+                x0,
+                bounds=(low, high),
+                x_scale=scale,
+                jac="3-point",
+                xtol=1e-15,
+                ftol=1e-15,
+                gtol=1e-15,
             )
             polished = self._newton(found.x, low, high, scale)
             size = float(np.abs(self.residual(polished)).max())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-
 N_SURFACES = 8
 """Places for surfaces in every plant; an aircraft with fewer leaves the rest at zero."""
 
