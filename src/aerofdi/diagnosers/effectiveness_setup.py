@@ -9,7 +9,8 @@ import numpy as np
 from ..aircraft.identified import AxisModel, IdentifiedModel
 from ..core.types import HEALTHY, Array, Channels, Diagnoser, Hypothesis
 from ..parts.rate_filter import Disturbance, rate_filter
-from .effectiveness import LOSS, STUCK, Params, init, run_into, step_into
+from .effectiveness import Params, init, run_into, step_into
+from .effectiveness_types import LOSS, STUCK
 
 # Standard deviations of what a healthy aircraft may differ by: surface gain (the fit's own uncertainty is added);
 # airspeed, where measured and where not.
@@ -38,7 +39,6 @@ def from_identified(model: IdentifiedModel, max_age_s: dict[str, float], alarm: 
     """
     channels = model.channels
     names = tuple(channels)
-    groups = [g for g in model.groups]
     hypotheses, table = _hypotheses(model)
     params = _params(model, names, table, np.array([max_age_s[n] for n in names]), alarm)
     return Diagnoser(
@@ -53,7 +53,7 @@ def from_identified(model: IdentifiedModel, max_age_s: dict[str, float], alarm: 
         step_into=step_into,
         run_into=run_into,
         residuals=tuple(f"innovation.{a.rate}" for a in model.axes),
-        settle_s=SETTLE_S + 0.0 * len(groups),
+        settle_s=SETTLE_S,
     )
 
 

@@ -23,7 +23,7 @@ from ..core.types import HEALTHY, Array, Channels, Diagnoser, Status, Verdict
 from ..parts.bessel import bessel_sections, sections_step
 from ..parts.delay_line import delay_fill, delay_step
 from ..parts.lti import hold, lti_advance, lti_output
-from ..parts.ops import jit, maximum
+from ..parts.ops import lean, maximum
 from ..parts.servo import servo_step
 
 OK, NOT_READY = int(Status.OK), int(Status.NOT_READY)
@@ -90,7 +90,7 @@ def init(params: Params) -> State:
     )
 
 
-@jit
+@lean
 def _status(z: Array, age: Array, max_age: Array) -> int:
     status = OK
     for j in range(len(max_age)):
@@ -101,7 +101,7 @@ def _status(z: Array, age: Array, max_age: Array) -> int:
     return status
 
 
-@jit
+@lean
 def _restart(params: Params, state: State, z: Array) -> None:
     """Surfaces where their commands are, model at the measured outputs, filters empty."""
     for i in range(len(params.delay)):
@@ -113,13 +113,16 @@ def _restart(params: Params, state: State, z: Array) -> None:
         state.x[i] = 0.0
         for j in range(len(params.threshold)):
             state.x[i] += params.start[i, j] * z[params.output_at[j]]
-    state.filter[:, :, :] = 0.0
+    for i in range(len(params.threshold)):
+        for j in range(len(params.sections)):
+            state.filter[i, j, 0] = 0.0
+            state.filter[i, j, 1] = 0.0
     state.counter[0] = 0.0
     if params.speed_at >= 0:
         state.counter[1] = z[params.speed_at] / params.v0
 
 
-@jit
+@lean
 def _inputs(params: Params, state: State, z: Array) -> None:
     """Servos one step on, then u = [mixed deflections times airspeed ratio, exogenous]."""
     if params.speed_at >= 0:
@@ -140,7 +143,7 @@ def _inputs(params: Params, state: State, z: Array) -> None:
         state.u[nu + j] = z[at] if at >= 0 else 1.0
 
 
-@jit
+@lean
 def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, k: int) -> None:
     """One sample: servos, prediction, filtered residual, threshold. Bad data freeze everything and give a status."""
     status = _status(z, age, params.max_age)
@@ -167,7 +170,7 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
     out.score[k, 0] = worst
 
 
-@jit
+@lean
 def run_into(params: Params, state: State, z: Array, age: Array, out: Verdict) -> None:
     """Every row in order."""
     for k in range(z.shape[0]):

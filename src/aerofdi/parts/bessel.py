@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import WrongUse
 from ..core.types import Array
-from .ops import jit
+from .ops import lean
 
 
 def bessel_sections(order: int, bandwidth: float, dt_s: float) -> Array:
@@ -40,7 +40,7 @@ def bessel_sections(order: int, bandwidth: float, dt_s: float) -> Array:
     return np.ascontiguousarray(sos[:, [0, 1, 2, 4, 5]])
 
 
-@jit
+@lean
 def sections_step(sos: Array, state: Array, u: float) -> float:
     """One sample through all sections (transposed direct form II); `state` (n, 2) is advanced in place."""
     for i in range(sos.shape[0]):
@@ -51,7 +51,7 @@ def sections_step(sos: Array, state: Array, u: float) -> float:
     return u
 
 
-@jit
+@lean
 def sections_settle(sos: Array, state: Array, u: float) -> None:
     """Put the state where a constant input u would have left it (unit gain at zero frequency in all)."""
     for i in range(sos.shape[0]):

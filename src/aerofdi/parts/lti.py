@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..core.types import Array
-from .ops import jit
+from .ops import lean
 
 
 def hold(a: Array, b: Array, dt_s: float) -> tuple[Array, Array]:
@@ -41,7 +41,7 @@ def held_noise(a: Array, q: Array, dt_s: float) -> Array:
     return 0.5 * (covariance + covariance.T)
 
 
-@jit
+@lean
 def lti_output(c: Array, d: Array, x: Array, u: Array, y: Array) -> None:
     """y = c x + d u, written into y."""
     for i in range(c.shape[0]):
@@ -53,7 +53,7 @@ def lti_output(c: Array, d: Array, x: Array, u: Array, y: Array) -> None:
         y[i] = total
 
 
-@jit
+@lean
 def lti_advance(a: Array, b: Array, x: Array, u: Array, work: Array) -> None:
     """x <- a x + b u in place; work is scratch of the length of x."""
     for i in range(a.shape[0]):

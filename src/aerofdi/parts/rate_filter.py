@@ -17,7 +17,7 @@ import numpy as np
 
 from ..core.types import Array
 from .lti import held_noise, hold
-from .ops import jit
+from .ops import lean
 
 
 class Disturbance(NamedTuple):
@@ -55,7 +55,7 @@ def rate_filter(a: float, noise: Disturbance, dt_s: float) -> RateFilter:
     return RateFilter(ad, bd[:, 0].copy(), p[:, 0] / s, float(s * r))
 
 
-@jit
+@lean
 def rate_filter_step(ad: Array, bd: Array, k: Array, x: Array, u: float, innovation: float) -> None:
     """Correct x (3,) with the innovation, then predict one step with the acceleration u; in place."""
     w = x[0] + k[0] * innovation

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,7 +33,8 @@ def diagnose(
     """Diagnose one or many flights.
 
     Without options: in each flight find the spans airborne, under autopilot, with commands moving; learn from their
-    first 40 %; check that this part is of one piece; judge the rest. healthy: the span to learn from instead;
+    first 40 %; check that this part is of one piece; judge the rest. healthy: the span to learn from instead (what
+    follows it is judged);
     healthy_flight: another flight to learn from; aircraft: a model saved before. judge_span: what to judge.
     Times are seconds on the log's clock. Files that cannot be read raise UnreadableFile or WrongUse; what a flight
     does not allow becomes a result `cannot_judge`.
@@ -88,7 +90,10 @@ def _one(
             ready = reference or _loaded(model, flight, healthy)
             trained = [healthy] if healthy and reference is None else []
         else:
-            trained, judged = ([healthy], spans) if healthy else split(spans)
+            # What was flown before a given healthy span may be the take-off; only what follows is judged.
+            trained, judged = (
+                ([healthy], without(spans, [(-math.inf, healthy[0])])) if healthy else split(spans)
+            )
             if not trained:
                 raise CannotJudge(
                     f"{name}: nothing was flown under autopilot with surface commands moving; "

@@ -129,7 +129,7 @@ def minimum_detectable(d: Diagnoser, state: Any, model: IdentifiedModel, judged_
     residual of any axis to its threshold, in the unit of the command.
     """
     if d.name == "effectiveness":
-        from ..diagnosers.effectiveness import INFO_TIME, REACH
+        from ..diagnosers.effectiveness_types import INFO_TIME, REACH
 
         seen = state.scalars[INFO_TIME]
         if seen <= 0:
@@ -190,7 +190,7 @@ def _silent_reason(d: Diagnoser, v: Verdict, share: float) -> str:
 def _healthy_reason(d: Diagnoser, smallest: dict[str, float], share: float) -> str:
     if d.name == "effectiveness":
         seen = ", ".join(f"{k.split()[0]} {100 * v:.0f} %" for k, v in smallest.items())
-        return f"no loss and no stuck surface; would have seen a loss of {seen} ({100 * share:.0f} % of the span judged)"
+        return f"no loss, no stuck surface; would have seen a loss of {seen} ({100 * share:.0f} % of the span judged)"
     seen = ", ".join(f"{k.split()[0]} {v:.3g}" for k, v in smallest.items())
     return (
         f"rates follow the commands; would have seen a lasting offset of {seen} ({100 * share:.0f} % judged)"

@@ -128,8 +128,8 @@ def _homogeneous(flight: Flight, spans: list[Span], model: IdentifiedModel) -> N
         worst = min(halves)
     if worst >= limit:
         raise CannotJudge(
-            f"{flight.name}: the training span {_text(spans)} is not of one piece (score {worst:.0f}, limit {limit:.0f}): "
-            f"part of it may already be faulty; give a span you know to be healthy with --healthy T0:T1"
+            f"{flight.name}: the training span {_text(spans)} is not of one piece (score {worst:.0f}, "
+            f"limit {limit:.0f}): part of it may already be faulty; give a healthy span with --healthy T0:T1"
         )
 
 
