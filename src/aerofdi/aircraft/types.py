@@ -101,6 +101,11 @@ class Aircraft:
         raise WrongUse(f"aircraft {self.name!r} has no surface {name!r}; it has {known}")
 
     @property
+    def has_icing(self) -> bool:
+        """Whether the file says how ice changes its coefficients."""
+        return any(path.startswith("aero.icing.") for path in self.numbers)
+
+    @property
     def groups(self) -> dict[str, tuple[str, ...]]:
         """Group -> names of its surfaces."""
         out: dict[str, tuple[str, ...]] = {}

@@ -152,8 +152,19 @@ def _delay_room(faults: tuple[Fault, ...]) -> float:
 
 
 def _faults(
-    s: Scenario, servos: tuple[str, ...], limits: Array, rest: Array, sensors: list[str], dt: float
+    s: Scenario,
+    aircraft: Aircraft,
+    servos: tuple[str, ...],
+    limits: Array,
+    rest: Array,
+    sensors: list[str],
+    dt: float,
 ) -> FaultTable:
+    if any(f.mode == "icing" for f in s.faults) and not aircraft.has_icing:
+        raise WrongUse(
+            f"scenario {s.name!r}: aircraft {aircraft.name!r} has no [aero.icing] factors, so icing would do nothing; "
+            f"add them to the aircraft file or fly another aircraft"
+        )
     return fault_table(s.faults, servos[:-1], limits, rest, sensors, dt)
 
 
@@ -191,7 +202,7 @@ def prepare(scenario: Scenario) -> Prepared:
         wind=wind,
         actuators=actuators,
         sensors=sensor_params(order, dt, delay_faults),
-        faults=_faults(s, servos, limits, rest, channels, dt),
+        faults=_faults(s, aircraft, servos, limits, rest, channels, dt),
         plan=_plan(s, autopilot),
         gains=autopilot.gains,
         feed=np.array([channels.index(c) if c in channels else -1 for c in Measured._fields], np.int64),
