@@ -75,10 +75,9 @@ class SensorParams(NamedTuple):
 
 
 class SensorState(NamedTuple):
-    """reading, seen: (n,) last readings and the (delayed) true values behind them. turn_on, walk: (n,)
-    biases.
+    """reading: (n + 1,) last readings, then a 0. seen: (n,) the (delayed) true values behind them.
 
-    line: (n, w) delay lines of true values. taken: (g,) samples so far.
+    turn_on, walk: (n,) biases. line: (n, w) delay lines of true values. taken: (g,) samples so far.
     """
 
     reading: Array
@@ -161,7 +160,7 @@ def sensor_state(params: SensorParams, extra_delay_s: float = 0.0) -> SensorStat
     longest = float(params.number[:, DELAY].max(initial=0.0)) + extra_delay_s / params.dt_s
     width = delay_width(longest + 1.0) if params.delayed else 2
     return SensorState(
-        np.zeros(n),
+        np.zeros(n + 1),
         np.zeros(n),
         np.zeros(n),
         np.zeros(n),
@@ -190,7 +189,7 @@ def sensors_start(params: SensorParams, state: SensorState, truth: Array, seed: 
     """Before the first step: turn-on biases drawn, delay lines full of the first true values."""
     state.taken[:] = 0
     for i in range(params.source.shape[0]):
-        draw = normal4(seed, run, TURN_ON_CHANNEL + i // 4, 0)
+        draw = normal4(seed, run, TURN_ON_CHANNEL + i // 4, i)
         state.turn_on[i] = params.number[i, BIAS_SIGMA] * draw[i % 4]
         state.walk[i] = 0.0
         state.reading[i] = 0.0

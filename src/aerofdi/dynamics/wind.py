@@ -212,7 +212,7 @@ def wind_state(params: WindParams) -> WindState:
 def wind_start(params: WindParams, state: WindState, seed: int, run: int) -> None:
     """Draw the first turbulence from the stationary distribution; no distance flown into any gust."""
     for i in range(params.B.shape[0]):
-        draw = normal4(seed, run, START_CHANNEL + i, 0)
+        draw = normal4(seed, run, START_CHANNEL + i, i)
         for row in range(STATES):
             total = 0.0
             for col in range(STATES):
@@ -223,13 +223,32 @@ def wind_start(params: WindParams, state: WindState, seed: int, run: int) -> Non
 
 
 @lean
-def _output(c: Array, x: Array, axis: int, row: int) -> float:
+def _output(c: Array, x: Array, i: int) -> tuple[float, float]:
+    """Velocity and rotation of axis i."""
+    x0, x1, x2, x3 = x[i, 0], x[i, 1], x[i, 2], x[i, 3]
     return (
-        c[axis, row, 0] * x[axis, 0]
-        + c[axis, row, 1] * x[axis, 1]
-        + c[axis, row, 2] * x[axis, 2]
-        + c[axis, row, 3] * x[axis, 3]
+        c[i, 0, 0] * x0 + c[i, 0, 1] * x1 + c[i, 0, 2] * x2 + c[i, 0, 3] * x3,
+        c[i, 1, 0] * x0 + c[i, 1, 1] * x1 + c[i, 1, 2] * x2 + c[i, 1, 3] * x3,
     )
+
+
+@lean
+def _turbulence(c: Array, x: Array) -> tuple[float, float, float, float, float, float]:
+    """u, v, w, p, q, r of the filters."""
+    u = v = w = p = q = r = 0.0
+    # Loops over the axes rather than numbered calls: a compiled function is made anew for every literal
+    # argument.
+    for axis in range(c.shape[0]):
+        velocity, rotation = _output(c, x, axis)
+        if axis == 0:
+            u = velocity
+        elif axis == 1:
+            v, r = velocity, rotation
+        elif axis == 2:
+            w, q = velocity, rotation
+        else:
+            p = velocity
+    return u, v, w, p, q, r
 
 
 @lean
@@ -257,11 +276,7 @@ def shear_factor(params: WindParams, altitude: float) -> float:
 def wind_now(params: WindParams, state: WindState, altitude: float) -> Wind:
     """The air's velocity and rotation now, at this altitude (m)."""
     f = shear_factor(params, altitude)
-    u = v = w = p = q = r = 0.0
-    if params.B.shape[0] > 0:
-        c, x = params.C, state.x
-        u, v, w, p = _output(c, x, 0, 0), _output(c, x, 1, 0), _output(c, x, 2, 0), _output(c, x, 3, 0)
-        q, r = _output(c, x, 2, 1), _output(c, x, 1, 1)
+    u, v, w, p, q, r = _turbulence(params.C, state.x)
     for i in range(params.gusts.shape[0]):
         g, way = params.gusts[i], state.way[i]
         u += _gust(g[AMP_U], g[LEN_U], g[STAYS], way)
@@ -276,12 +291,10 @@ def wind_advance(
 ) -> None:
     """From t to t + dt: one step of the filters (step number k names their noise) and of the way into
     gusts."""
-    if params.B.shape[0] > 0:
-        n0, n1, n2, n3 = normal4(seed, run, TURBULENCE_CHANNEL, k)
-        _filter_step(params.A, params.B, state.x, 0, n0)
-        _filter_step(params.A, params.B, state.x, 1, n1)
-        _filter_step(params.A, params.B, state.x, 2, n2)
-        _filter_step(params.A, params.B, state.x, 3, n3)
+    for block in range(params.B.shape[0] // 4):
+        noise = normal4(seed, run, TURBULENCE_CHANNEL + block, k)
+        for i in range(4):
+            _filter_step(params.A, params.B, state.x, 4 * block + i, noise[i])
     for i in range(params.gusts.shape[0]):
         if t >= params.gusts[i, START] - 1e-9:
             state.way[i] += airspeed * dt

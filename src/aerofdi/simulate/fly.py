@@ -17,7 +17,7 @@ from ..dynamics.faults import MODES, THROTTLE, fault_state
 from ..dynamics.sensors import TRUE, sensor_offsets, sensor_state
 from ..dynamics.wind import wind_state
 from ..scenarios import Scenario, load_scenario
-from .loop import AIR, Memory, Motion, Params, Record, advance, begin
+from .loop import AIR, Memory, Motion, Params, Record, advance
 from .prepare import Prepared, prepare
 
 WIND_UNITS = {
@@ -45,7 +45,7 @@ def as_scenario(scenario: str | os.PathLike[str] | Scenario) -> Scenario:
 
 
 def start(prepared: Prepared, seed: int, run: int, truth: bool = True) -> tuple[Run, Motion]:
-    """Fresh arrays for one flight, first turbulence and biases drawn; the motion before step 0."""
+    """Fresh arrays for one flight; the motion before step 0."""
     p = prepared.params if truth else prepared.params._replace(record_every=0)
     sensors, counts = sensor_offsets(p.sensors, prepared.steps)
     p = p._replace(sensors=sensors)
@@ -71,7 +71,6 @@ def start(prepared: Prepared, seed: int, run: int, truth: bool = True) -> tuple[
         np.full((instants, 4), np.nan),
         np.full((rows, columns), np.nan),
     )
-    begin(p, memory, prepared.plant, seed, run)
     return Run(prepared, p, memory, record, counts, seed, run), Motion(
         0, prepared.plant, prepared.pilot, guidance.init(p.plan)
     )

@@ -47,9 +47,9 @@ DIVERGED = 1e4  # m/s or rad/s: beyond this the flight is over
 class Params(NamedTuple):
     """What a flight is made of; nothing here changes during it.
 
-    feed: (15,) place in `sensors` of each field of autopilot.Measured, -1 for none. route: (n,) field of the
-    controller's Command for each servo, -1 where it stays at `trim` (n,). Steps of dt between: control_every,
-    record_every (0: record no truth).
+    feed: (15,) place in SensorState.reading of each field of autopilot.Measured, the one after the last
+    sensor for none. route: (n,) field of the controller's Command for each servo, -1 where it stays at
+    `trim` (n,). Steps of dt between: control_every, record_every (0: record no truth).
     """
 
     plant: Any
@@ -127,18 +127,11 @@ def _effects(e: Array) -> Effects:
 
 
 @lean
-def _reading(feed: np.ndarray, reading: Array, i: int) -> float:
-    return reading[feed[i]] if feed[i] >= 0 else 0.0
-
-
-@lean
-def measured(feed: np.ndarray, r: Array) -> Measured:
-    """The last readings as the autopilot sees them; a quantity without a sensor reads 0."""
+def measured(f: np.ndarray, r: Array) -> Measured:
+    """The last readings as the autopilot sees them; the place after the last sensor always reads 0."""
     return Measured(
-        _reading(feed, r, 0), _reading(feed, r, 1), _reading(feed, r, 2), _reading(feed, r, 3),
-        _reading(feed, r, 4), _reading(feed, r, 5), _reading(feed, r, 6), _reading(feed, r, 7),
-        _reading(feed, r, 8), _reading(feed, r, 9), _reading(feed, r, 10), _reading(feed, r, 11),
-        _reading(feed, r, 12), _reading(feed, r, 13), _reading(feed, r, 14),
+        r[f[0]], r[f[1]], r[f[2]], r[f[3]], r[f[4]], r[f[5]], r[f[6]], r[f[7]],
+        r[f[8]], r[f[9]], r[f[10]], r[f[11]], r[f[12]], r[f[13]], r[f[14]],
     )  # fmt: skip
 
 
@@ -193,28 +186,21 @@ def _flies(x: State) -> bool:
 
 
 @lean
-def begin(p: Params, m: Memory, x: State, seed: int, run: int) -> None:
-    """Draw the first turbulence and the turn-on biases; fill the sensors' delay lines with the first true
-    values.
-    """
-    wind_start(p.wind, m.wind, seed, run)
-    wind = wind_now(p.wind, m.wind, -x.down)
-    felt = m.actuators.felt
-    k1 = derivative(p.plant, x, _surfaces(felt), felt[felt.shape[0] - 1], wind, _effects(m.modified.effects))
-    _look(m, x, outputs(p.plant, x, k1, wind))
-    sensors_start(p.sensors, m.sensors, m.truth, seed, run)
-
-
-@lean
 def advance(
     p: Params, m: Memory, out: Record, motion: Motion, seed: int, run: int, stop: int, request: int
 ) -> Motion:
-    """Steps motion.k .. stop - 1; returns the motion at `stop`, or earlier where the flight has diverged."""
+    """Steps motion.k .. stop - 1; returns the motion at `stop`, or earlier where the flight has diverged.
+
+    Step 0 also draws the first turbulence and the turn-on biases, and fills the sensors' delay lines with
+    the first true values (every sensor samples at step 0).
+    """
     x, pilot, guide = motion.plant, motion.pilot, motion.guide
     felt, last = m.actuators.felt, m.actuators.felt.shape[0] - 1
     k = motion.k
     while k < stop and _flies(x):
         t = k * p.dt
+        if k == 0:
+            wind_start(p.wind, m.wind, seed, run)
         wind = wind_now(p.wind, m.wind, -x.down)
         faults_now(p.faults, m.faults, m.modified, m.actuators.position, t, m.truth[7], m.truth[8])
         effects = _effects(m.modified.effects)
@@ -224,6 +210,8 @@ def advance(
         sensing = sensors_due(p.sensors, k)
         if sensing or recording:
             _look(m, x, outputs(p.plant, x, k1, wind))
+        if k == 0:
+            sensors_start(p.sensors, m.sensors, m.truth, seed, run)
         if sensing:
             sensors_step(p.sensors, m.sensors, m.modified.sensor, m.truth, out.measured, seed, run, k, t)
         if recording:

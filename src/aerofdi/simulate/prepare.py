@@ -205,7 +205,9 @@ def prepare(scenario: Scenario) -> Prepared:
         faults=_faults(s, aircraft, servos, limits, rest, channels, dt),
         plan=_plan(s, autopilot),
         gains=autopilot.gains,
-        feed=np.array([channels.index(c) if c in channels else -1 for c in Measured._fields], np.int64),
+        feed=np.array(
+            [channels.index(c) if c in channels else len(channels) for c in Measured._fields], np.int64
+        ),
         route=np.array([command.index(n) if n in command else -1 for n in servos], np.int64),
         trim=rest,
         dt=dt,
