@@ -293,7 +293,7 @@ def paparazzi_bytes(n: int = 40) -> bytes:
     for i in range(n):
         t = 100.0 + 0.05 * i
         lines.append(f"{t:.4f} 52 IMU_GYRO {0.01 * i:.6f} -0.200000 0.300000")
-        lines.append(f"{t:.4f} 52 ACTUATORS 1500,1484,1{500 if i < 30 else 416}")
+        lines.append(f"{t:.4f} 52 ACTUATORS 1500,1486,1{500 if i < 30 else 416}")
         lines.append(f"{t:.4f} 52 COMMANDS 4800,0,{96 * i}")
         lines.append(f"{t:.4f} 52 ATTITUDE 0.1 1.5 0.05")
     lines.append("102.0000 52 PPRZ_MODE 2 3 3 2 0 21")

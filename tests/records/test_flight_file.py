@@ -15,8 +15,16 @@ from aerofdi.core import AerofdiError, Event, Flight, Series, UnreadableFile, Wr
 FLOATS = st.floats(allow_nan=True, allow_infinity=True, width=64)
 NAMES = st.sampled_from(["p", "q", "command.elevator", "reference.phi", "mode", "truth/odd name", "é [x]"])
 PLAIN = st.recursive(
-    st.one_of(st.none(), st.booleans(), st.integers(-(2**40), 2**40), st.floats(allow_nan=False), st.text(max_size=8)),
-    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=5), inner, max_size=3)),
+    st.one_of(
+        st.none(),
+        st.booleans(),
+        st.integers(-(2**40), 2**40),
+        st.floats(allow_nan=False),
+        st.text(max_size=8),
+    ),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
     max_leaves=6,
 )
 
@@ -34,7 +42,11 @@ def flights_of_any_kind(draw):
     clock = st.lists(st.floats(-1e9, 1e9), max_size=12).map(lambda x: np.array(sorted(x), dtype=float))
     clocks = draw(st.lists(clock, min_size=1, max_size=3))
     tables = [draw(st.dictionaries(NAMES, series(clocks), max_size=4)) for _ in range(3)]
-    events = draw(st.lists(st.builds(Event, st.floats(-1e6, 1e6), st.text(max_size=5), st.text(max_size=20)), max_size=3))
+    events = draw(
+        st.lists(
+            st.builds(Event, st.floats(-1e6, 1e6), st.text(max_size=5), st.text(max_size=20)), max_size=3
+        )
+    )
     parameters = draw(st.dictionaries(st.text(max_size=6), st.floats(allow_nan=False), max_size=3))
     return Flight(*tables, events, parameters, draw(st.dictionaries(st.text(max_size=5), PLAIN, max_size=3)))
 
@@ -72,7 +84,9 @@ def test_channels_on_the_same_stamps_share_one_clock(tmp_path):
     from pyarrow import parquet
 
     t = np.arange(5.0)
-    flight = Flight({"p": Series(t, t, "rad/s"), "q": Series(t.copy(), t, "rad/s"), "r": Series(t[:2], t[:2], "rad/s")})
+    flight = Flight(
+        {"p": Series(t, t, "rad/s"), "q": Series(t.copy(), t, "rad/s"), "r": Series(t[:2], t[:2], "rad/s")}
+    )
     schema = parquet.read_schema(records.write_flight(flight, tmp_path / "f.parquet"))
     assert [name for name in schema.names if name.startswith("clock/")] == ["clock/0", "clock/1"]
     assert schema.field("measured/p").metadata[b"unit"] == b"rad/s"
@@ -120,7 +134,9 @@ def test_what_a_file_cannot_hold_is_refused_by_name(tmp_path):
 def test_a_flipped_bit_is_never_read_as_another_flight(tmp_path, at, bit):
     """Page checksums and the checksum of the description: the same flight, or an error."""
     t = np.linspace(0.0, 10.0, 200)
-    flight = Flight({"p": Series(t, np.sin(t), "rad/s"), "q": Series(t, np.cos(t), "rad/s")}, meta={"aircraft": "x"})
+    flight = Flight(
+        {"p": Series(t, np.sin(t), "rad/s"), "q": Series(t, np.cos(t), "rad/s")}, meta={"aircraft": "x"}
+    )
     path = records.write_flight(flight, tmp_path / "f.parquet")
     data = bytearray(path.read_bytes())
     data[int(at * len(data))] ^= 1 << bit

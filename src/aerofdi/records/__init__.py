@@ -3,7 +3,8 @@
 from .describe import describe
 from .parquet import read_flight, write_flight
 from .profile import ChannelSpec, Profile, load_profile, parse_profile, shipped
-from .read import read
+from .read import read, read_log
+from .sniff import format_of
 from .spans import flown
 from .truth import attach_truth
 
@@ -13,10 +14,12 @@ __all__ = [
     "attach_truth",
     "describe",
     "flown",
+    "format_of",
     "load_profile",
     "parse_profile",
     "read",
     "read_flight",
+    "read_log",
     "shipped",
     "write_flight",
 ]
