@@ -24,7 +24,7 @@ THREE, FOUR = ("elevator", "aileron", "throttle"), ("elevator", "aileron", "rudd
         ("aerosim_mpc", 22.0, FOUR, 18.0, 60.0),
         ("aerosim_mpc", 25.0, FOUR, 18.0, 60.0),
         ("aerosim_mpc", 30.0, FOUR, 18.0, 60.0),
-        ("ducard", 30.0, FOUR, 11.9, 40.0),
+        ("ducard", 30.0, FOUR, 11.8, 40.0),
     ],
 )
 def test_every_loop_has_the_margins_its_docstring_states(
@@ -141,10 +141,10 @@ def test_ducard_answers_an_excitation_of_any_surface_at_one_hertz(make_loop: Any
     G, K = loop.response(np.array([2.0 * math.pi]))
     answer = np.linalg.solve(np.eye(6) - K @ G, K @ G)[0]
     ratio = dict(zip(loop.pilot.module.Command._fields, np.abs(np.diag(answer)), strict=True))
-    assert ratio["aileron_left"] == pytest.approx(0.69, abs=0.03)
+    assert ratio["aileron_left"] == pytest.approx(0.65, abs=0.03)
     assert ratio["aileron_right"] == pytest.approx(ratio["aileron_left"], rel=1e-6)
     assert ratio["elevator_left"] == pytest.approx(0.65, abs=0.03)
-    assert ratio["rudder"] == pytest.approx(0.89, abs=0.04)
+    assert ratio["rudder"] == pytest.approx(0.76, abs=0.04)
     for name in ("aileron_left", "elevator_left", "rudder"):
         left = 2.0 / math.pi * math.radians(2.0) * (1.0 - ratio[name])
         assert left < 0.009 < 0.01 < 2.0 / math.pi * math.radians(2.0)

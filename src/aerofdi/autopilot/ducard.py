@@ -9,9 +9,12 @@ every axis, so c/d is half the complementary sensitivity T(2 pi j) for ailerons 
 above 1.1, which means loops with their resonance at 1 Hz. Gains maximise c/d under max |S| <= 1.6 with
 gyros of 0.08 rad/s and attitude of 0.1 deg a sample at 50 Hz:
 
-    c/d at 1 Hz            aileron 0.69, elevator 0.65, rudder 0.89
-    max |S|, phase margin  aileron 1.58, 42 deg; elevator 1.56, 44 deg; rudder 1.60, 79 deg
-    gain margins           at least 12 dB up, 30 dB down
+    c/d at 1 Hz            aileron 0.65, elevator 0.65, rudder 0.76
+    max |S|, phase margin  aileron 1.56, 43 deg; elevator 1.56, 44 deg; rudder 1.55, 60 deg
+    gain margins           at least 11.9 dB up, 30 dB down
+
+The rudder holds sideslip to zero by its integral: a rudder that sticks off centre is then answered by a rudder
+command that runs away from it, where without the integral the sideslip alone would balance it.
 
 Attitude and rates go through a filter that knows they are angle and derivative (steady-state Kalman gains of
 phi'' = white noise at the control period, gyros as noisy as published); measured yaw rate gets a slower one.
@@ -21,7 +24,7 @@ Surfaces in the file's signs: ailerons and elevators trailing edge up, rudder ya
     da        = (k_phi + k_iphi/s) (phi_ref - phi) - k_p p          aileron_left = -da, aileron_right = da
     theta_ref = (k_h + k_ih/s) (h_ref - h) - k_hd h' + turn feed-forward, limited
     de        = (k_theta + k_itheta/s) (theta_ref - theta) - k_q q + turn feed-forward        both elevators
-    dr        = trim - k_r (r - g sin(phi)/V)
+    dr        = k_ibeta/s beta - k_r (r - g sin(phi)/V)                               beta low-passed
     throttle  = (k_v + k_iv/s) (V_ref - V)
 """
 
@@ -29,7 +32,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..parts.ops import clip, jit, maximum, sin
+from ..parts.ops import jit, maximum, sin
 from . import loops
 from .loops import (
     GRAVITY,
@@ -39,6 +42,7 @@ from .loops import (
     bank_reference,
     control,
     lag,
+    pi_control,
     pitch_hold,
     wrap,
 )
@@ -58,6 +62,8 @@ class Gains(NamedTuple):
     bank_ki: float
     roll_rate_kp: float
     yaw_rate_kp: float
+    sideslip_ki: float
+    sideslip_pole: float
     pitch_kp: float
     pitch_ki: float
     pitch_rate_kp: float
@@ -90,6 +96,8 @@ class Gains(NamedTuple):
 
 UNITS = loops.UNITS | {
     "yaw_rate_kp": "rad/(rad/s)",
+    "sideslip_ki": "rad/(rad s)",
+    "sideslip_pole": "rad/s",
     "altitude_pole": "rad/s",
     "airspeed_pole": "rad/s",
     "attitude_angle_angle": "rad/rad",
@@ -130,7 +138,8 @@ class State(NamedTuple):
     pitch_integral: float
     altitude_integral: float
     airspeed_integral: float
-    rudder: float
+    rudder_integral: float
+    sideslip: float
     phi: float
     p: float
     theta: float
@@ -154,7 +163,8 @@ def init(gains: Gains, trim: Command, z: Measured) -> State:
         pitch_integral=0.5 * (trim.elevator_left + trim.elevator_right) - loops.pitch_feed(gains, z),
         altitude_integral=z.theta - loops.altitude_feed(gains, z),
         airspeed_integral=trim.throttle,
-        rudder=trim.rudder - gains.yaw_rate_kp * _yaw_beyond_turn(z),
+        rudder_integral=trim.rudder - gains.yaw_rate_kp * _yaw_beyond_turn(z),
+        sideslip=z.beta,
         phi=z.phi,
         p=z.p,
         theta=z.theta,
@@ -205,11 +215,13 @@ def step(g: Gains, s: State, ref: Reference, z: Measured, dt: float) -> tuple[St
     ih, theta_ref = altitude_hold(g, s.altitude_integral, z.altitude, ref, z, dt)
     it, de = pitch_hold(g, s.pitch_integral, theta_ref, z, -g.elevator_max, g.elevator_max, dt)
     ib, da = bank_hold(g, s.bank_integral, phi_ref, z.phi, z.p, g.aileron_max, dt)
-    dr = clip(s.rudder + g.yaw_rate_kp * _yaw_beyond_turn(z), -g.rudder_max, g.rudder_max)
+    beta = lag(s.sideslip, z.beta, g.sideslip_pole, dt)
+    damper = g.yaw_rate_kp * _yaw_beyond_turn(z)
+    ir, dr = pi_control(0.0, g.sideslip_ki, s.rudder_integral, beta, damper, -g.rudder_max, g.rudder_max, dt)
     iv, throttle = airspeed_hold(g, s.airspeed_integral, z.airspeed, ref, dt)
     return (
         State(
-            phi_ref, theta_ref, ib, it, ih, iv, s.rudder,
+            phi_ref, theta_ref, ib, it, ih, iv, ir, beta,
             z.phi + dt * z.p, z.p, z.theta + dt * z.q, z.q, z.psi + dt * z.r, z.r,
             z.altitude, z.climb_rate, z.airspeed,
         ),
