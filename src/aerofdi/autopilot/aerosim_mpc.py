@@ -244,10 +244,7 @@ def guide(g: Gains, ref: Reference, z: Measured, last: float) -> float:
 
 @jit
 def _bank_reference(g: Gains, s: State, ref: Reference, z: Measured, dt: float) -> tuple[float, float, float]:
-    """(bank reference, yaw-rate command, wait):
-
-    the guidance at its own period, at once after a spell of BANK.
-    """
+    """(bank reference, yaw-rate command, wait): the guidance at its own period, at once after a spell of BANK."""
     if ref.lateral == BANK:
         bank = clip(ref.bank, -g.bank_max, g.bank_max)
         return bank, GRAVITY * tan(bank) / maximum(z.airspeed, 1.0), 0.0

@@ -72,10 +72,7 @@ class Command(NamedTuple):
 
 
 class State(NamedTuple):
-    """bank_ref, pitch_ref:
-
-    references of the inner loops at the last step, rad. The integrals hold the trim.
-    """
+    """bank_ref, pitch_ref: references of the inner loops at the last step, rad. The integrals hold the trim."""
 
     bank_ref: float
     pitch_ref: float

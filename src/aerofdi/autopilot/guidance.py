@@ -23,7 +23,7 @@ import numpy as np
 
 from ..core.errors import WrongUse
 from ..core.types import Array
-from ..parts.ops import atan2, clip, cos, jit, maximum, minimum, pi, sin, sqrt, tan
+from ..parts.ops import atan2, clip, cos, lean, maximum, minimum, pi, sin, sqrt, tan
 from .loops import GRAVITY, wrap
 from .signals import BANK, COURSE, HEADING, TRACK, Measured, Reference
 
@@ -32,10 +32,7 @@ FREE, LEVELLING, HOLDING = 0, 1, 2
 
 
 class Gains(NamedTuple):
-    """l1_period, l1_damping:
-
-    T and zeta of the track law. bank_max: its bank limit. turn_time: to roll in or out.
-    """
+    """l1_period, l1_damping: T and zeta of the track law. bank_max: its bank limit. turn_time: to roll in or out."""
 
     l1_period: float
     l1_damping: float
@@ -136,9 +133,7 @@ def rectangle(
     east: float = 0.0,
     right: bool = True,
 ) -> tuple[Array, Array]:
-    """Waypoints of a rectangle, m:
-
-    the first leg runs `length` from (north, east) along `course` (rad), then right.
+    """Waypoints of a rectangle, m: the first leg runs `length` from (north, east) along `course` (rad), then right.
     """
     side = 1.0 if right else -1.0
     along = np.array([0.0, length, length, 0.0])
@@ -154,7 +149,7 @@ def init(p: Plan) -> State:
     return State(0, 0, FREE, 0.0, 0.0)
 
 
-@jit
+@lean
 def _row(p: Plan, row: int, t: float) -> int:
     """Index of the last break point at or before t, searched forward from `row`."""
     while row + 1 < len(p.t_s) and p.t_s[row + 1] <= t:
@@ -162,7 +157,7 @@ def _row(p: Plan, row: int, t: float) -> int:
     return row
 
 
-@jit
+@lean
 def _between(p: Plan, column: Array, row: int, t: float) -> float:
     """The column at time t, linear between break points."""
     if row + 1 >= len(p.t_s):
@@ -171,7 +166,7 @@ def _between(p: Plan, column: Array, row: int, t: float) -> float:
     return column[row] + part * (column[row + 1] - column[row])
 
 
-@jit
+@lean
 def _l1_bank(p: Plan, from_n: float, from_e: float, course: float, z: Measured) -> float:
     """Bank (rad) that steers onto the line through (from_n, from_e) with this course."""
     v = maximum(sqrt(z.velocity_north**2 + z.velocity_east**2), 1.0)
@@ -184,7 +179,7 @@ def _l1_bank(p: Plan, from_n: float, from_e: float, course: float, z: Measured) 
     return clip(atan2(accel, GRAVITY), -p.gains.bank_max, p.gains.bank_max)
 
 
-@jit
+@lean
 def _turn_lead(p: Plan, turn: float, z: Measured) -> float:
     """How far before a waypoint a turn by `turn` (rad) at the bank limit must begin, m."""
     v = sqrt(z.velocity_north**2 + z.velocity_east**2)
@@ -192,7 +187,7 @@ def _turn_lead(p: Plan, turn: float, z: Measured) -> float:
     return radius * tan(0.5 * minimum(abs(turn), 0.75 * pi)) + v * p.gains.turn_time
 
 
-@jit
+@lean
 def _track(p: Plan, leg: int, z: Measured) -> tuple[int, int, int, float, float]:
     """The leg to fly now, its end, the end of the one after, its course, and the bank that flies it."""
     m = len(p.north)
@@ -206,12 +201,9 @@ def _track(p: Plan, leg: int, z: Measured) -> tuple[int, int, int, float, float]
     return leg, to, after, course, _l1_bank(p, p.north[leg], p.east[leg], course, z)
 
 
-@jit
+@lean
 def _hold(s: State, request: int, z: Measured) -> State:
-    """The next hold:
-
-    taken on request, the heading once the wings are level, dropped when the request ends.
-    """
+    """The next hold: taken on request, the heading once the wings are level, dropped when the request ends."""
     if request == 0:
         return State(s.row, s.leg, FREE, 0.0, 0.0)
     if s.hold == FREE:
@@ -221,7 +213,7 @@ def _hold(s: State, request: int, z: Measured) -> State:
     return s
 
 
-@jit
+@lean
 def step(p: Plan, s: State, z: Measured, t: float, request: int) -> tuple[State, Reference]:
     """One control instant at time t (s): the Reference, with a core.Request taken into account.
 

@@ -87,10 +87,7 @@ def pi_control(
 
 @jit
 def bank_reference(g: Any, ref: Reference, z: Measured) -> float:
-    """Bank to fly, rad:
-
-    course_kp times the heading or course error, or as the reference says; within bank_max.
-    """
+    """Bank to fly, rad: course_kp times the heading or course error, or as the reference says; within bank_max."""
     ahead = atan2(z.velocity_east, z.velocity_north) if ref.lateral == COURSE else z.psi
     steered = ref.lateral == COURSE or ref.lateral == HEADING
     bank = g.course_kp * wrap(ref.course - ahead) if steered else ref.bank
@@ -107,10 +104,7 @@ def bank_hold(
 
 @jit
 def altitude_feed(g: Any, z: Measured) -> float:
-    """What the pitch reference gets besides the altitude error:
-
-    damping by climb rate, more in a turn; rad.
-    """
+    """What the pitch reference gets besides the altitude error: damping by climb rate, more in a turn; rad."""
     return g.turn_pitch * load_rise(z.phi) - g.climb_kp * z.climb_rate
 
 
@@ -118,10 +112,7 @@ def altitude_feed(g: Any, z: Measured) -> float:
 def altitude_hold(
     g: Any, integral: float, altitude: float, ref: Reference, z: Measured, dt: float
 ) -> tuple[float, float]:
-    """(integral, pitch reference):
-
-    (altitude_kp + altitude_ki/s)(reference - altitude) + feed, all limited.
-    """
+    """(integral, pitch reference): (altitude_kp + altitude_ki/s)(reference - altitude) + feed, all limited."""
     error = clip(ref.altitude - altitude, -g.altitude_error_max, g.altitude_error_max)
     return pi_control(
         g.altitude_kp, g.altitude_ki, integral, error, altitude_feed(g, z), g.pitch_min, g.pitch_max, dt

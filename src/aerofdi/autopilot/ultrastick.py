@@ -90,9 +90,7 @@ UNITS = loops.UNITS | {
 
 
 class Command(NamedTuple):
-    """Surfaces in rad:
-
-    elevator and ailerons trailing edge down, rudders trailing edge left positive. throttle 0-1.
+    """Surfaces in rad: elevator and ailerons trailing edge down, rudders trailing edge left positive. throttle 0-1.
     """
 
     elevator: float
