@@ -4,163 +4,150 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import Event
-from .log import Log, Table, Topics, guarded, ordered, read_bytes, unreadable, wants
+from ..core import Array, Event
+from .log import Log, Table, Topics, ordered, read_bytes, unreadable, wants
+from .mavlink import Frame, decode, frames
 
 CLOCK = "autopilot boot time"
 ALWAYS = frozenset(("HEARTBEAT", "STATUSTEXT", "PARAM_VALUE", "SYSTEM_TIME"))
+# Their time_usec counts from 1970, or is the receiver's.
+OTHER_CLOCK = frozenset(("GPS_RAW_INT", "GPS2_RAW", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"))
 WRAP_S = 2**32 * 1e-6
+RESTART_S = 5.0
+
+Raw = dict[str, tuple[NDArray[np.int64], dict[str, NDArray[Any]]]]
+"""Message name -> (number of the frame in the log, fields)."""
 
 
-class Frame(NamedTuple):
-    at: int
-    end: int
-    msgid: int
-    source: tuple[int, int]
-
-
-def frames(data: bytes) -> Iterator[Frame]:
-    """Every frame of the log, by layout; garbage between frames is skipped. CRCs are checked later."""
-    at, end = 0, len(data)
-    while at + 16 <= end:
-        start = at + 8
-        magic = data[start]
-        if magic == 0xFE:
-            stop = start + 8 + data[start + 1]
-            msgid, source = data[start + 5], (data[start + 3], data[start + 4])
-        elif magic == 0xFD and start + 10 <= end:
-            stop = start + 12 + data[start + 1] + (13 if data[start + 2] & 1 else 0)
-            msgid = int.from_bytes(data[start + 7 : start + 10], "little")
-            source = (data[start + 5], data[start + 6])
-        else:
-            at += 1
-            continue
-        # Followed by another frame, or the end (perhaps a cut-off stamp); else a chance byte in garbage.
-        if stop > end or (stop + 8 < end and data[stop + 8] not in (0xFE, 0xFD)):
-            at += 1
-            continue
-        yield Frame(start, stop, msgid, source)
-        at = stop
-
-
-def _boot_s(message: Any, last: float) -> float:
-    """Boot time of a message, s; that of the last stamped message where it has none of its own."""
-    ms = getattr(message, "time_boot_ms", None)
-    if ms is not None:
-        return float(ms) * 1e-3
-    us = getattr(message, "time_usec", None)
-    if us is None or message.get_type() in ("GPS_RAW_INT", "GPS2_RAW", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"):
-        return last
-    t = float(us) * 1e-6
-    if message.get_type() == "SERVO_OUTPUT_RAW" and np.isfinite(last):
-        # A 32 bit count of microseconds: it starts again every 71.6 minutes.
-        t += WRAP_S * round((last - t) / WRAP_S)
-    return t if t < 1e9 else last
-
-
-def _autopilot(found: list[Frame], heartbeat: int, attitude: int) -> tuple[int, int] | None:
+def _autopilot(found: list[Frame], ids: tuple[int, ...]) -> tuple[int, int] | None:
     """The system that sends most attitude; else most heartbeats."""
-    for msgid in (attitude, heartbeat):
+    for msgid in ids:
         count = Counter(f.source for f in found if f.msgid == msgid)
         if count:
             return count.most_common(1)[0][0]
     return None
 
 
-def _table(messages: list[tuple[float, Any]]) -> Table:
-    names = [n for n in messages[0][1].get_fieldnames()]
-    columns: dict[str, NDArray[Any]] = {}
-    for name in names:
-        values = [getattr(m, name, None) for _, m in messages]
-        if all(isinstance(v, (int, float)) for v in values):
-            columns[name] = np.array(values, dtype=float)
-        elif all(isinstance(v, str) for v in values):
-            columns[name] = np.array(values, dtype=str)
-    return ordered(np.array([t for t, _ in messages], dtype=float), columns)
+def _own_stamps(name: str, columns: dict[str, NDArray[Any]]) -> Array | None:
+    """Boot time by the message's own stamp, s; NaN where it is no boot time, None where it has no stamp."""
+    if "time_boot_ms" in columns:
+        return columns["time_boot_ms"].astype(float) * 1e-3
+    if "time_usec" not in columns or name in OTHER_CLOCK:
+        return None
+    t = columns["time_usec"].astype(float) * 1e-6
+    return np.where(t < 1e9, t, np.nan)
+
+
+def _known(stamped: list[tuple[NDArray[np.int64], Array]]) -> tuple[NDArray[np.int64], Array]:
+    """All (frame number, boot time) pairs in the order of the log."""
+    if not stamped:
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
+    number = np.concatenate([n for n, _ in stamped])
+    t = np.concatenate([t for _, t in stamped])
+    keep = np.isfinite(t)
+    order = np.argsort(number[keep], kind="stable")
+    return number[keep][order], t[keep][order]
+
+
+def _last(number: NDArray[np.int64], t: Array, at: NDArray[np.int64]) -> Array:
+    """The boot time known when each frame came; the first known one before that."""
+    if not len(number):
+        return np.full(len(at), np.nan)
+    return t[np.clip(np.searchsorted(number, at, side="right") - 1, 0, None)]
+
+
+def _boot_times(raw: Raw) -> tuple[dict[str, Array], NDArray[np.int64], Array]:
+    """Boot time of every message; and all pairs (frame number, boot time) that were stamped.
+
+    SERVO_OUTPUT_RAW counts microseconds in 32 bits and starts again every 71.6 minutes; the other messages
+    tell the turn. Messages without a stamp take the last one.
+    """
+    own = {name: t for name, (_, c) in raw.items() if (t := _own_stamps(name, c)) is not None}
+    others = _known([(raw[name][0], t) for name, t in own.items() if name != "SERVO_OUTPUT_RAW"])
+    if "SERVO_OUTPUT_RAW" in own:
+        t = own["SERVO_OUTPUT_RAW"]
+        if len(others[0]):
+            t = t + WRAP_S * np.round((_last(*others, raw["SERVO_OUTPUT_RAW"][0]) - t) / WRAP_S)
+        else:
+            t = t + WRAP_S * np.concatenate(([0.0], np.cumsum(np.diff(t) < -0.5 * WRAP_S)))
+        own["SERVO_OUTPUT_RAW"] = t
+    number, t = _known([(raw[name][0], stamps) for name, stamps in own.items()])
+    times = {name: own[name] if name in own else _last(number, t, at) for name, (at, _) in raw.items()}
+    return times, number, t
+
+
+def _one_boot(number: NDArray[np.int64], t: Array) -> tuple[int, int, list[str]]:
+    """The frames (first, last) of the longest stretch without a restart (boot time falling by more than 5 s)."""
+    cuts = np.flatnonzero(np.diff(t) < -RESTART_S) + 1
+    if not len(cuts):
+        return 0, 2**62, []
+    edges = np.concatenate(([0], cuts, [len(t)]))
+    best = int(np.argmax(np.diff(edges)))
+    note = f"the autopilot restarted {len(cuts)} times; only the longest stretch is read"
+    return int(number[edges[best]]), int(number[edges[best + 1] - 1]), [note]
 
 
 def read_tlog(path: Path, topics: Topics) -> Log:
     """A telemetry log: the messages of its autopilot, on boot time.
 
-    Messages without a time of their own take that of the last stamped one. Where the autopilot restarted, the
-    longest stretch without a restart is kept and a note says so.
+    Frames with a wrong checksum are left out. Messages without a time of their own take that of the last
+    stamped one. Where the autopilot restarted, the longest stretch without a restart is kept and a note says
+    so.
     """
-    data = read_bytes(path)
-    found = list(frames(data))
-    if not found or sum(f.end - f.at + 8 for f in found) < 0.5 * len(data):
-        raise unreadable(path, "not a telemetry log: too few MAVLink frames with stamps before them")
-    with guarded(path, "telemetry log"):
-        messages, seen, start = _decode(data, found, topics)
-    if not messages:
-        raise unreadable(path, "holds no intact MAVLink message of an autopilot")
-    messages, notes = _one_boot(messages)
-    return _log(messages, seen, notes, start)
-
-
-def _decode(
-    data: bytes, found: list[Frame], topics: Topics
-) -> tuple[list[tuple[float, Any]], dict[str, int], float]:
     from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-    names = {number: cls.msgname for number, cls in mavlink.mavlink_map.items()}
-    mav = mavlink.MAVLink(None)
-    mav.robust_parsing = True
-    source = _autopilot(found, mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_ATTITUDE)
+    data = read_bytes(path)
+    found = list(frames(data))
+    if not found or sum(f.body - f.at + f.size + 10 for f in found) < 0.5 * len(data):
+        raise unreadable(path, "not a telemetry log: too few MAVLink frames with stamps before them")
+    source = _autopilot(found, (mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_HEARTBEAT))
+    by_id: dict[int, list[int]] = {}
+    for k, frame in enumerate(found):
+        if frame.source == source:
+            by_id.setdefault(frame.msgid, []).append(k)
     seen: dict[str, int] = {}
-    messages: list[tuple[float, Any]] = []
-    last = float("nan")
-    start = float("nan")
-    for frame in found:
-        name = names.get(frame.msgid)
-        if frame.source != source or name is None:
+    raw: Raw = {}
+    for msgid, numbers in by_id.items():
+        message = mavlink.mavlink_map.get(msgid)
+        if message is None:
             continue
-        seen[name] = seen.get(name, 0) + 1
-        if not (wants(topics, name) or name in ALWAYS):
-            continue
-        try:
-            message = mav.decode(bytearray(data[frame.at : frame.end]))
-        except (mavlink.MAVError, struct.error, ValueError, TypeError):
-            continue
-        t = _boot_s(message, last)
-        if not np.isfinite(start) and np.isfinite(t):
-            start = struct.unpack(">Q", data[frame.at - 8 : frame.at])[0] * 1e-6 - t
-        last = t
-        messages.append((t, message))
-    first = next((t for t, _ in messages if np.isfinite(t)), 0.0)
-    messages = [(t if np.isfinite(t) else first, m) for t, m in messages]
-    return messages, seen, start
+        name = str(message.msgname)
+        seen[name] = len(numbers)
+        if wants(topics, name) or name in ALWAYS:
+            good, columns = decode(data, [found[k] for k in numbers], message)
+            if len(good):
+                raw[name] = (np.asarray(numbers, dtype=np.int64)[good], columns)
+    if not raw:
+        raise unreadable(path, "holds no intact MAVLink message of an autopilot")
+    return _log(data, found, raw, seen)
 
 
-def _one_boot(messages: list[tuple[float, Any]]) -> tuple[list[tuple[float, Any]], list[str]]:
-    """The longest stretch without a restart (boot time falling by more than 5 s)."""
-    t = np.array([stamp for stamp, _ in messages])
-    cuts = np.flatnonzero(np.diff(t) < -5.0) + 1
-    if not len(cuts):
-        return messages, []
-    edges = [0, *cuts.tolist(), len(t)]
-    best = max(range(len(edges) - 1), key=lambda k: edges[k + 1] - edges[k])
-    note = f"the autopilot restarted {len(cuts)} times; only the longest stretch is read"
-    return messages[edges[best] : edges[best + 1]], [note]
-
-
-def _log(messages: list[tuple[float, Any]], seen: dict[str, int], notes: list[str], start: float) -> Log:
-    by_name: dict[str, list[tuple[float, Any]]] = {}
-    for t, message in messages:
-        by_name.setdefault(message.get_type(), []).append((t, message))
+def _log(data: bytes, found: list[Frame], raw: Raw, seen: dict[str, int]) -> Log:
+    times, number, t = _boot_times(raw)
+    first, last, notes = _one_boot(number, t)
+    tables: dict[str, Table] = {}
+    for name, (at, columns) in raw.items():
+        keep = (at >= first) & (at <= last)
+        tables[name] = ordered(times[name][keep], {k: v[keep] for k, v in columns.items()})
+    info: dict[str, Any] = {}
+    if len(number):
+        k = int(np.searchsorted(number, first))
+        received = struct.unpack(">Q", data[found[int(number[k])].at - 8 : found[int(number[k])].at])[0]
+        info["start_unix_s"] = received * 1e-6 - float(t[k])
     parameters: dict[str, float] = {}
-    for _, m in by_name.pop("PARAM_VALUE", []):
-        parameters[str(m.param_id)] = float(m.param_value)
-    texts = by_name.pop("STATUSTEXT", [])
-    events = [Event(t, "message", str(m.text).split("\0")[0]) for t, m in texts]
-    tables = {name: _table(rows) for name, rows in by_name.items()}
-    info: dict[str, Any] = {"start_unix_s": start} if np.isfinite(start) else {}
+    if (table := tables.pop("PARAM_VALUE", None)) is not None:
+        names, values = table.columns["param_id"], table.columns["param_value"]
+        parameters = {str(n): float(v) for n, v in zip(names, values, strict=True)}
+    events: list[Event] = []
+    if (table := tables.pop("STATUSTEXT", None)) is not None:
+        texts = table.columns["text"]
+        events = [Event(float(s), "message", str(x)) for s, x in zip(table.t_s, texts, strict=True)]
     firmware = [e.text for e in events if e.text.startswith(("ArduPlane", "ArduCopter"))]
     if firmware:
         info["firmware"] = firmware[0]
