@@ -1,7 +1,8 @@
 """A test signal as a diagnoser: excites one surface after the other and judges nothing.
 
-It rides in the closed loop like any active diagnoser, so the answer of the loop is measured where it will be used:
-through the same actuators, sensors, autopilot and one-sample delay. `fourier_answer` reads it from the flight.
+It rides in the closed loop like any active diagnoser, so the answer of the loop is measured where it will
+be used: through the same actuators, sensors, autopilot and one-sample delay. `fourier_answer` reads it from
+the flight.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from ..parts.ops import jit, sin
 
 
 class ExciterParams(NamedTuple):
-    """Surface i gets amplitude[i] sin(omega[i] (t - start[i])) while start[i] <= t < stop[i]; (nu,) each, dt in s."""
+    """Surface i gets amplitude[i] sin(omega[i] (t - start[i])) while start[i] <= t < stop[i]; (nu,) each,
+    dt in s.
+    """
 
     amplitude: Array
     omega: Array
@@ -41,7 +44,9 @@ def step_into(params: ExciterParams, state: ExciterState, z: Array, age: Array, 
     t = state.k[0] * params.dt
     for i in range(len(params.amplitude)):
         on = params.start[i] <= t < params.stop[i]
-        out.excitation[k, i] = params.amplitude[i] * sin(params.omega[i] * (t - params.start[i])) if on else 0.0
+        out.excitation[k, i] = (
+            params.amplitude[i] * sin(params.omega[i] * (t - params.start[i])) if on else 0.0
+        )
     out.active[k, 0] = True
     out.status[k] = 0
 
@@ -52,7 +57,9 @@ def run_into(params: ExciterParams, state: ExciterState, z: Array, age: Array, o
         step_into(params, state, z[k], age[k], out, k)
 
 
-def exciter(surfaces: tuple[str, ...], amplitude: Array, omega: Array, start: Array, stop: Array, dt_s: float) -> Diagnoser:
+def exciter(
+    surfaces: tuple[str, ...], amplitude: Array, omega: Array, start: Array, stop: Array, dt_s: float
+) -> Diagnoser:
     """The test signal for these surfaces; arrays (nu,), rad, rad/s, s, s."""
     rad = ("rad",) * len(surfaces)
     names = tuple(f"command.{s}" for s in surfaces)
@@ -64,7 +71,8 @@ def exciter(surfaces: tuple[str, ...], amplitude: Array, omega: Array, start: Ar
 
 
 def fourier_answer(command: Array, excitation: Array, omega: float, dt_s: float) -> complex:
-    """R = C / E at omega over whole periods of equal-length records (n,); their mean and linear drift are taken out.
+    """R = C / E at omega over whole periods of equal-length records (n,); their mean and linear drift are
+    taken out.
 
     R < 0 real: the command moves against the excitation, as a controller that corrects it does.
     """

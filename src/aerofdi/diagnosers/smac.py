@@ -1,28 +1,31 @@
 """SMAC-FDI: one three-state filter notices a fault, an excitation of one surface at a time finds it.
 
-    residual   y - x(k|k-1) of the turn rates                                              `smac_ekf`, section 3.1
-    Gamma1     |LP1(p~)| + |LP1(q~)| + |LP1(r~)|                                           (5)
-    Gamma2     LP2(Gamma1);  ThereIsaFault: Gamma2 > Gamma2_thresh                         section 3.2
-    delta_s    A sin(omega t) on the surface under test, added to its command              (14)
-    Lambda_i   does the controller answer delta_s,i with delta_c,i?                        (17), `smac_health`
-    isolator   which surface next, and what the answer means                               Figure 6, `smac_isolator`
+    residual   y - x(k|k-1) of the turn rates                                 `smac_ekf`, section 3.1
+    Gamma1     |LP1(p~)| + |LP1(q~)| + |LP1(r~)|                              (5)
+    Gamma2     LP2(Gamma1);  ThereIsaFault: Gamma2 > Gamma2_thresh            section 3.2
+    delta_s    A sin(omega t) on the surface under test, added to its command (14)
+    Lambda_i   does the controller answer delta_s,i with delta_c,i?           (17), `smac_health`
+    isolator   which surface next, and what the answer means                  Figure 6, `smac_isolator`
 
-The diagnoser is active: its excitation rides in `Verdict.excitation`, is added to the commands one sample later and is
-never beyond its budget; while it tests or tracks it asks for HOLD_LEVEL. It reads the commands before excitation
-(`command.<surface>`) and what was added (`excitation.<surface>`); a flight without the latter cannot be replayed and is
-refused by name. Replay uses the recorded excitation; `excitation_difference` says where its own would have differed.
+The diagnoser is active: its excitation rides in `Verdict.excitation`, is added to the commands one sample
+later and is never beyond its budget; while it tests or tracks it asks for HOLD_LEVEL. It reads the commands
+before excitation (`command.<surface>`) and what was added (`excitation.<surface>`); a flight without the
+latter cannot be replayed and is refused by name. Replay uses the recorded excitation;
+`excitation_difference` says where its own would have differed.
 
-detected is ThereIsaFault or any declared surface. A declared surface is "stuck" (it does not answer: locked or
-floating; estimate = its angle, rad) or "loss_of_effectiveness" (it answers too little; estimate = lost share).
-Several surfaces can be declared at once. event.reset above one half clears everything declared and the used seconds.
+detected is ThereIsaFault or any declared surface. A declared surface is "stuck" (it does not answer: locked
+or floating; estimate = its angle, rad) or "loss_of_effectiveness" (it answers too little; estimate = lost
+share). Several surfaces can be declared at once. event.reset above one half clears everything declared and
+the used seconds.
 
-Guarantees: |excitation| <= budget at every sample; none after `seconds` of it in total, outside the attitude, altitude
-and track limits, or while an input is stale or not finite (a bad sample changes no state but a counter; afterwards the
-filter starts again). Loss of effectiveness of a surface that need not move leaves no residual in straight flight; only
-a sweep (`sweep_every_s`) finds it. Not modelled: sensor faults, which look like faults of surfaces to the detector.
+Guarantees: |excitation| <= budget at every sample; none after `seconds` of it in total, outside the
+attitude, altitude and track limits, or while an input is stale or not finite (a bad sample changes no state
+but a counter; afterwards the filter starts again). Loss of effectiveness of a surface that need not move
+leaves no residual in straight flight; only a sweep (`sweep_every_s`) finds it. Not modelled: sensor faults,
+which look like faults of surfaces to the detector.
 
-Source: paper "smac". Beyond it: the synchronous evaluator, tests of several surfaces at once, thresholds that follow
-the wind, estimates, budgets.
+Source: paper "smac". Beyond it: the synchronous evaluator, tests of several surfaces at once, thresholds
+that follow the wind, estimates, budgets.
 """
 
 from __future__ import annotations
@@ -32,32 +35,68 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core import HEALTHY, Array, Channels, Diagnoser, Hypothesis, Request, Sample, Status, Verdict
-from ..parts.ops import jit, sqrt
+from ..core import (
+    HEALTHY,
+    Array,
+    Channels,
+    Design,
+    Diagnoser,
+    Hypothesis,
+    Request,
+    Sample,
+    Status,
+    Verdict,
+    WrongUse,
+)
+from ..parts.ops import inline, jit, maximum, sqrt
 from .smac_ekf import ekf_step, input_acceleration
-from .smac_health import evaluate_health, listen, loss_std, remaining, watch_commands
+from .smac_health import evaluate_health, listen, loss_std, remaining, silence, watch_commands
 from .smac_isolator import HALT, TEST, TRACK, isolate, reset
 from .smac_types import (
     AIRSPEED,
     ALPHA,
+    ANGLE_STD,
     AXES,
+    AXIS,
     BETA,
+    BUDGET,
+    C_COS,
     CALM,
+    DELTA,
+    EXCITATION,
+    EXCITED,
+    FIRST,
     FLAG,
+    GAMMA2,
     GAP,
+    HEARD,
     INDEX,
+    LABEL,
+    LAMBDA,
+    LEVEL,
+    LOW,
+    MEAN,
     MODE,
+    NOISE,
+    R_SIN,
+    SCALE,
     READY,
+    RESIDUAL,
     SIGNAL_UNITS,
     SIGNALS,
+    SLOW,
+    THETA,
+    TRIM,
     WIND_AF,
     WIND_AS,
     WIND_BF,
     WIND_BS,
     WIND_POWER,
+    Detector,
     Params,
     State,
     init,
+    unflatten,
 )
 
 NONFINITE, STALE, NOT_READY, OUTSIDE = (
@@ -65,205 +104,239 @@ NONFINITE, STALE, NOT_READY, OUTSIDE = (
 )
 HOLD_LEVEL = int(Request.HOLD_LEVEL)
 RESIDUALS = ("roll rate", "pitch rate", "yaw rate", "gamma2")
-FIRST = len(SIGNALS)
 
 
-@jit
+@inline
 def _input_status(p: Params, z: Array, age: Array) -> int:
-    """NONFINITE before STALE_INPUT before OK, over everything but the optional reset."""
-    status = 0
+    """NONFINITE before STALE_INPUT before OK, over everything but the optional inputs."""
+    status, max_age, vanes = 0, p.max_age, p.vanes
     for j in range(len(z) - 1):
-        if not math.isfinite(z[j]):
-            return NONFINITE
-        if age[j] > p.max_age[j]:
-            status = STALE
+        if vanes > 0 or j not in (ALPHA, BETA):
+            if not math.isfinite(z[j]):
+                return NONFINITE
+            if age[j] > max_age[j]:
+                status = STALE
     return status
 
 
-@jit
+@inline
 def _start(p: Params, s: State, z: Array) -> None:
     """After a start or a gap: the filter begins at the measured rates, command filters at the commands."""
+    n = len(s.surface)
+    s.kalman[:] = 0.0
     for i in range(3):
-        s.x[i] = z[i]
-    s.P[:] = 0.0
-    s.P[0], s.P[2], s.P[5] = 1.0, 1.0, 1.0
-    for i in range(len(s.mean)):
-        s.mean[i] = z[FIRST + i]
-        s.trim[i] = z[FIRST + i]
-        s.noise[i] = 0.0
-    s.ring_c[:] = 0.0
-    s.ring_s[:] = 0.0
-    s.sums[:] = 0.0
-    s.wind[WIND_AF], s.wind[WIND_AS] = z[ALPHA], z[ALPHA]
-    s.wind[WIND_BF], s.wind[WIND_BS] = z[BETA], z[BETA]
-    s.clock[READY] = 0
-    s.clock[CALM] = 0
+        s.kalman[i] = z[i]
+    s.kalman[3], s.kalman[5], s.kalman[8] = 1.0, 1.0, 1.0
+    s.ring[:] = 0.0
+    s.surface[:, C_COS : R_SIN + 1] = 0.0
+    for i in range(n):
+        s.surface[i, MEAN], s.surface[i, TRIM], s.surface[i, NOISE] = z[FIRST + i], z[FIRST + i], 0.0
+    if p.vanes > 0:
+        s.misc[WIND_AF], s.misc[WIND_AS] = z[ALPHA], z[ALPHA]
+        s.misc[WIND_BF], s.misc[WIND_BS] = z[BETA], z[BETA]
+    s.clock[READY], s.clock[CALM], s.clock[GAP] = 0, 0, 0
 
 
-@jit
+@inline
 def _bad_sample(s: State) -> None:
     """Stop exciting; whatever is declared stays, a test begins anew."""
     s.clock[GAP] += 1
-    for i in range(len(s.excitation)):
-        s.excitation[i] = 0.0
-        s.excited[i] = 0
+    for i in range(len(s.surface)):
+        silence(s, i)
 
 
-@jit
-def _wind_activity(p: Params, s: State, z: Array) -> float:
-    """Mean square of the band-passed vanes beyond their own noise, rad2."""
-    d = p.detector
-    s.wind[WIND_AF] += d.a_fast * (z[ALPHA] - s.wind[WIND_AF])
-    s.wind[WIND_AS] += d.a_slow * (z[ALPHA] - s.wind[WIND_AS])
-    s.wind[WIND_BF] += d.a_fast * (z[BETA] - s.wind[WIND_BF])
-    s.wind[WIND_BS] += d.a_slow * (z[BETA] - s.wind[WIND_BS])
-    a = float(s.wind[WIND_AF] - s.wind[WIND_AS])
-    b = float(s.wind[WIND_BF] - s.wind[WIND_BS])
-    s.wind[WIND_POWER] += d.a_wind * (a * a + b * b - s.wind[WIND_POWER])
-    return max(float(s.wind[WIND_POWER]) - d.wind_floor, 0.0)
+@inline
+def _follow_wind(p: Params, s: State, z: Array) -> None:
+    """How far the wind raises the threshold of each axis: 1 in still air or without vanes.
+
+    Activity: mean square of both vanes between f_slow and f_fast, less that of their own noise.
+    """
+    d, misc = p.detector, s.misc
+    if p.vanes == 0:
+        misc[SCALE], misc[SCALE + 1], misc[SCALE + 2] = 1.0, 1.0, 1.0
+        return
+    alpha, beta = float(z[ALPHA]), float(z[BETA])
+    fast_a, slow_a = float(misc[WIND_AF]), float(misc[WIND_AS])
+    fast_b, slow_b = float(misc[WIND_BF]), float(misc[WIND_BS])
+    # After a start the filters average what they have, and the measure waits for the slow one.
+    seen = 1.0 / (1.0 + int(s.clock[READY]))
+    fast, slow = maximum(d.a_fast, seen), maximum(d.a_slow, seen)
+    fast_a, slow_a = fast_a + fast * (alpha - fast_a), slow_a + slow * (alpha - slow_a)
+    fast_b, slow_b = fast_b + fast * (beta - fast_b), slow_b + slow * (beta - slow_b)
+    power = float(misc[WIND_POWER])
+    if s.clock[READY] * d.a_slow > 2.0:
+        power += d.a_wind * ((fast_a - slow_a) ** 2 + (fast_b - slow_b) ** 2 - power)
+    misc[WIND_AF], misc[WIND_AS], misc[WIND_BF], misc[WIND_BS] = fast_a, slow_a, fast_b, slow_b
+    misc[WIND_POWER] = power
+    more = maximum(power - d.wind_floor, 0.0)
+    for i in range(3):
+        misc[SCALE + i] = sqrt(1.0 + d.wind_gain[i] * d.wind_gain[i] * more)
 
 
-@jit
-def residuals(p: Params, s: State, z: Array, u: Array) -> None:
-    """The residual generator: one step of the filter with the sum of command and excitation."""
-    V = float(z[AIRSPEED])
-    V = max(V, p.model.v_min)
-    input_acceleration(p.model, 0.5 * p.model.rho * V * V, float(z[ALPHA]), float(z[BETA]), u, s.accel)
-    ekf_step(p.model, s.x, s.P, z, V, s.accel, s.residual)
+@inline
+def residuals(p: Params, s: State, z: Array) -> None:
+    """The residual generator: one step of the filter under the sum of command and excitation."""
+    m, n = p.model, len(s.surface)
+    V = maximum(float(z[AIRSPEED]), m.v_min)
+    alpha = float(z[ALPHA]) if p.vanes > 0 else float(z[THETA])
+    beta = float(z[BETA]) if p.vanes > 0 else 0.0
+    a0 = input_acceleration(m, V, alpha, beta, z, FIRST, n, 0)
+    a1 = input_acceleration(m, V, alpha, beta, z, FIRST, n, 1)
+    a2 = input_acceleration(m, V, alpha, beta, z, FIRST, n, 2)
+    ekf_step(m, s.kalman, z, V, a0, a1, a2, s.axes)
 
 
-@jit
-def detect(p: Params, s: State, gamma_thresh: float) -> None:
-    """Section 3.2: LP1, (5), LP2, threshold with release; or each axis through LP1 and LP2 against its own threshold."""
-    d = p.detector
+@inline
+def gamma_threshold(d: Detector, s: State) -> float:
+    """Gamma2_thresh as the wind has it: AXES scales each axis itself, SUM takes their mean."""
+    m = s.misc
+    return d.threshold if d.rule == AXES else d.threshold * (m[SCALE] + m[SCALE + 1] + m[SCALE + 2]) / 3.0
+
+
+@inline
+def detect(d: Detector, s: State) -> None:
+    """Section 3.2: LP1, (5), LP2, threshold with release; or each axis through LP1 and LP2 against its own
+    threshold.
+    """
+    axes, threshold, misc = s.axes, d.axis, s.misc
     total, worst = 0.0, 0.0
     for i in range(3):
-        low, axis = float(s.low[i]), float(s.axis[i])
-        low += d.a1 * (float(s.residual[i]) - low)
-        axis += d.a2 * (low - axis)
-        s.low[i], s.axis[i] = low, axis
+        low, level = float(axes[i, LOW]), float(axes[i, LEVEL])
+        low += d.a1 * (float(axes[i, RESIDUAL]) - low)
+        level += d.a2 * (low - level)
+        axes[i, LOW], axes[i, LEVEL] = low, level
         total += abs(low)
-        worst = max(worst, abs(axis) / float(d.axis[i]))
-    g = float(s.gamma[0])
+        worst = maximum(worst, abs(level) / (float(threshold[i]) * float(misc[SCALE + i])))
+    g = float(misc[GAMMA2])
     g = worst if d.rule == AXES else g + d.a2 * (total - g)
-    s.gamma[0] = g
-    if s.clock[FLAG] > 0:
-        s.clock[FLAG] = 1 if g > d.release * gamma_thresh else 0
-    else:
-        s.clock[FLAG] = 1 if g > gamma_thresh else 0
+    misc[GAMMA2] = g
+    needed = gamma_threshold(d, s)
+    needed = d.release * needed if s.clock[FLAG] > 0 else needed
+    s.clock[FLAG] = 1 if g > needed else 0
 
 
-@jit
+@inline
 def _estimate(p: Params, s: State, z: Array) -> None:
-    """delta - delta_c of the declared surfaces from (11), each from the residual of its own axis less the others'."""
-    d = p.detector
-    n = len(s.label)
+    """delta - delta_c of the declared surfaces from (11), each from the residual of its own axis less the
+    others'.
+    """
+    a, axes, surface, count, place = p.detector.a_estimate, s.axes, s.surface, s.count, p.probe.place
+    sensitivity = p.detector.sensitivity
+    n = len(surface)
     for i in range(3):
-        s.slow[i] += d.a_estimate * (s.residual[i] - s.slow[i])
+        axes[i, SLOW] += a * (axes[i, RESIDUAL] - axes[i, SLOW])
     for i in range(n):
-        s.trim[i] += d.a_estimate * (z[FIRST + i] - s.trim[i])
-        if s.label[i] == 0:
-            s.delta[i] = 0.0
+        surface[i, TRIM] += a * (z[FIRST + i] - surface[i, TRIM])
+        if count[i, LABEL] == 0:
+            surface[i, DELTA] = 0.0
     for i in range(n):
-        if s.label[i] > 0:
-            axis = int(p.probe.axis[i])
-            rest = s.slow[axis]
+        if count[i, LABEL] > 0:
+            axis = int(place[i, AXIS])
+            rest = float(axes[axis, SLOW])
             for j in range(n):
                 if j != i:
-                    rest -= d.sensitivity[axis, j] * s.delta[j]
-            s.delta[i] = rest / d.sensitivity[axis, i]
+                    rest -= float(sensitivity[axis, j]) * float(surface[j, DELTA])
+            surface[i, DELTA] = rest / float(sensitivity[axis, i])
 
 
-@jit
+@inline
 def _alone(p: Params, s: State, i: int) -> bool:
-    """Whether no other declared surface shares the axis: two stuck twins leave one residual for two unknowns."""
-    for j in range(len(s.label)):
-        if j != i and s.label[j] > 0 and p.probe.axis[j] == p.probe.axis[i]:
+    """Whether no other declared surface shares the axis: two stuck twins leave one residual for two
+    unknowns.
+    """
+    for j in range(len(s.count)):
+        if j != i and s.count[j, LABEL] > 0 and p.probe.place[j, AXIS] == p.probe.place[i, AXIS]:
             return False
     return True
 
 
-@jit
+@inline
 def _say_surface(p: Params, s: State, i: int, ok: bool, out: Verdict, k: int) -> None:
     """The two hypotheses of surface i."""
     a, b = 1 + 2 * i, 2 + 2 * i
-    label = s.label[i]
-    out.active[k, a] = ok and label == 1
-    out.active[k, b] = ok and label == 2
-    heard = s.excited[i] > 0 and s.count[i] > 0
-    left = remaining(p.probe, s, i) if heard else math.nan
-    out.score[k, a] = s.lam[i] if heard else math.nan
-    out.score[k, b] = 1.0 - left
-    told = ok and label == 1 and _alone(p, s, i)
-    out.estimate[k, a] = s.trim[i] + s.delta[i] if told else math.nan
-    out.estimate_std[k, a] = p.detector.estimate_std[i] if told else math.nan
-    told = ok and label == 2 and heard
-    out.estimate[k, b] = 1.0 - left if told else math.nan
-    out.estimate_std[k, b] = loss_std(p.probe, s, i) if told else math.nan
+    active, score, estimate, std = out.active, out.score, out.estimate, out.estimate_std
+    label = s.count[i, LABEL]
+    heard = s.count[i, EXCITED] > 0 and s.count[i, HEARD] > 0
+    lost = 1.0 - remaining(p.probe, s, i) if heard else math.nan
+    active[k, a], active[k, b] = ok and label == 1, ok and label == 2
+    score[k, a], score[k, b] = s.surface[i, LAMBDA] if heard else math.nan, lost
+    angle = ok and label == 1 and _alone(p, s, i)
+    estimate[k, a] = s.surface[i, TRIM] + s.surface[i, DELTA] if angle else math.nan
+    std[k, a] = p.probe.surface[i, ANGLE_STD] if angle else math.nan
+    share = ok and label == 2 and heard
+    estimate[k, b] = lost if share else math.nan
+    std[k, b] = loss_std(p.probe, s, i) if share else math.nan
+
+
+@inline
+def _say_nothing(i: int, out: Verdict, k: int) -> None:
+    """The two hypotheses of a surface that is neither declared nor excited."""
+    active, score, estimate, std = out.active, out.score, out.estimate, out.estimate_std
+    for j in range(1 + 2 * i, 3 + 2 * i):
+        active[k, j] = False
+        score[k, j], estimate[k, j], std[k, j] = math.nan, math.nan, math.nan
 
 
 @jit
-def _say(p: Params, s: State, status: int, gamma_thresh: float, scale: float, out: Verdict, k: int) -> None:
+def _say(p: Params, s: State, status: int, out: Verdict, k: int) -> None:
     """Row k of the verdict."""
-    judging = status == 0 or status == OUTSIDE
-    n = len(s.label)
+    judging = status in (0, OUTSIDE)
+    count, excitation = s.count, out.excitation
     fault = s.clock[FLAG] > 0 and judging
-    for i in range(n):
-        _say_surface(p, s, i, judging, out, k)
-        out.excitation[k, i] = s.excitation[i]
-        fault = fault or (judging and s.label[i] > 0)
+    for i in range(len(count)):
+        excitation[k, i] = s.surface[i, EXCITATION]
+        if count[i, LABEL] == 0 and count[i, EXCITED] == 0:
+            _say_nothing(i, out, k)
+        else:
+            _say_surface(p, s, i, judging, out, k)
+            fault = fault or (judging and count[i, LABEL] > 0)
     out.detected[k] = fault
     out.active[k, 0] = status == 0 and not fault
-    out.score[k, 0] = math.nan
-    out.estimate[k, 0] = math.nan
-    out.estimate_std[k, 0] = math.nan
-    bad = status == NONFINITE or status == STALE
+    out.score[k, 0], out.estimate[k, 0], out.estimate_std[k, 0] = math.nan, math.nan, math.nan
+    bad = status in (NONFINITE, STALE)
+    residual, threshold = out.residual, out.threshold
     for i in range(3):
-        out.residual[k, i] = math.nan if bad else s.axis[i]
-        out.threshold[k, i] = p.detector.axis[i] * scale
-    out.residual[k, 3] = math.nan if bad else s.gamma[0]
-    out.threshold[k, 3] = gamma_thresh
-    mode = s.clock[MODE]
-    out.request[k] = HOLD_LEVEL if judging and (mode == TEST or mode == TRACK) else 0
+        residual[k, i] = math.nan if bad else s.axes[i, LEVEL]
+        threshold[k, i] = p.detector.axis[i] * s.misc[SCALE + i]
+    residual[k, 3] = math.nan if bad else s.misc[GAMMA2]
+    threshold[k, 3] = gamma_threshold(p.detector, s)
+    busy = s.clock[MODE] in (TEST, TRACK)
+    out.request[k] = HOLD_LEVEL if judging and busy else 0
     out.status[k] = status
 
 
 @jit
 def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, k: int) -> None:
     """One sample: z = signals, commands (nu), excitations (nu), reset; row k of out."""
-    p, s, d = params, state, params.detector
-    n = len(s.label)
+    p, s, clock = params, state, state.clock
     if z[len(z) - 1] > 0.5:
         reset(s)
     status = _input_status(p, z, age)
     if status > 0:
         _bad_sample(s)
-        _say(p, s, status, d.threshold, 1.0, out, k)
+        _say(p, s, status, out, k)
         return
-    if s.clock[GAP] > 0 or s.clock[INDEX] == 0:
+    if clock[GAP] > 0 or clock[INDEX] == 0:
         _start(p, s, z)
-        s.clock[GAP] = 0
-    activity = _wind_activity(p, s, z)
-    scale = sqrt(1.0 + d.wind_gain * d.wind_gain * activity)
-    residuals(p, s, z, z[FIRST : FIRST + n] + z[FIRST + n : FIRST + 2 * n])
-    watch_commands(p.probe, s, z, FIRST, n)
-    s.clock[READY] += 1
+    _follow_wind(p, s, z)
+    residuals(p, s, z)
+    watch_commands(p.probe, s, z, FIRST, len(s.surface))
+    clock[READY] += 1
     # The filter needs a moment after a start; the detector's filters begin behind it.
-    ready = s.clock[READY] > p.timing.settle
-    if 2 * s.clock[READY] > p.timing.settle:
-        detect(p, s, d.threshold * scale)
+    ready = clock[READY] > p.timing.settle
+    if 2 * clock[READY] > p.timing.settle:
+        detect(p.detector, s)
         _estimate(p, s, z)
     if ready:
-        if s.clock[CALM] > p.probe.window and s.clock[FLAG] == 0:
-            listen(p.probe, s, d.a_wind)
-        s.clock[CALM] += 1
-        evaluate_health(p.probe, s, s.clock[MODE] == TRACK)
-        isolate(p, s, z, scale)
+        if clock[CALM] > p.probe.window and clock[FLAG] == 0:
+            listen(p.probe, s, p.detector.a_wind)
+        clock[CALM] += 1
+        evaluate_health(p.probe, s, clock[MODE] == TRACK)
+        isolate(p, s, z)
     else:
-        s.clock[FLAG] = 0
-    s.clock[INDEX] += 1
-    status = OUTSIDE if s.clock[MODE] == HALT else (0 if ready else NOT_READY)
-    _say(p, s, status, d.threshold * scale, scale, out, k)
+        clock[FLAG] = 0
+    clock[INDEX] += 1
+    _say(p, s, OUTSIDE if clock[MODE] == HALT else (0 if ready else NOT_READY), out, k)
 
 
 @jit
@@ -273,30 +346,41 @@ def run_into(params: Params, state: State, z: Array, age: Array, out: Verdict) -
         step_into(params, state, z[k], age[k], out, k)
 
 
-def smac(params: Params, surfaces: tuple[str, ...], groups: tuple[str, ...], name: str = "smac") -> Diagnoser:
-    """The diagnoser of these numbers; `design.smac.design_smac` makes them and `from_design` calls this.
+def from_design(design: Design, name: str = "smac") -> Diagnoser:
+    """The online diagnoser of a Design made by `design.smac.design_smac`.
 
-    surfaces (nu,): in the order of every (nu,) array of params. groups (nu,): the group each belongs to ("aileron").
+    Inputs: p, q, r (rad/s), airspeed, alpha, beta (optional where the aircraft has no vanes), phi, theta,
+    psi, altitude, `command.<surface>` and `excitation.<surface>` (rad), and, optional, `event.reset`.
+    Outputs: `excitation.<surface>`. Hypotheses: healthy, then two a surface. Residuals: the three rates'
+    (rad/s) and Gamma2.
     """
+    params = unflatten(design.params)
+    surfaces, groups = tuple(design.spec["surfaces"]), tuple(design.spec["groups"])
+    if len(params.max_age) != FIRST + 2 * len(surfaces) + 1 or len(groups) != len(surfaces):
+        raise WrongUse(
+            f"this design names {len(surfaces)} surfaces and {len(groups)} groups but holds {len(params.max_age)} inputs; "
+            f"make it again with `aerofdi design smac`"
+        )
     commands = tuple(f"command.{s}" for s in surfaces)
     excitations = tuple(f"excitation.{s}" for s in surfaces)
     rad = ("rad",) * len(surfaces)
+    optional = ("event.reset",) if params.vanes else ("alpha", "beta", "event.reset")
     inputs = Channels(
         (*SIGNALS, *commands, *excitations, "event.reset"), (*SIGNAL_UNITS, *rad, *rad, "1"),
-        tuple(float(a) for a in params.max_age), ("event.reset",),
+        tuple(float(a) for a in params.max_age), optional,
     )  # fmt: skip
     hypotheses = [HEALTHY]
     for s, g in zip(surfaces, groups, strict=True):
         hypotheses += [Hypothesis(s, "stuck", "rad", g), Hypothesis(s, "loss_of_effectiveness", "1", g)]
     return Diagnoser(
         name, inputs, Channels(excitations, rad), tuple(hypotheses), params.model.dt, True, params, init, step_into,
-        run_into, RESIDUALS, tuple(float(a) for a in params.budget.amplitude), params.timing.settle * params.model.dt,
+        run_into, RESIDUALS, tuple(float(a) for a in params.probe.surface[:, BUDGET]), params.timing.settle * params.model.dt,
     )  # fmt: skip
 
 
 class Difference(NamedTuple):
-    """Where a replay's own excitation differs from the recorded one: samples that differ, the first time, the largest
-    difference in rad (NaN time and 0 where none does)."""
+    """Where a replay's own excitation differs from the recorded one: samples that differ, the first time,
+    the largest difference in rad (NaN time and 0 where none does)."""
 
     samples: int
     first_s: float
@@ -306,8 +390,8 @@ class Difference(NamedTuple):
 def excitation_difference(d: Diagnoser, sample: Sample, verdict: Verdict) -> Difference:
     """Compare what a replay would have excited with what the flight really had, one sample later.
 
-    A replay reads the recorded excitation, so its verdict stays meaningful; where the two differ, the isolator would
-    have gone another way in flight.
+    A replay reads the recorded excitation, so its verdict stays meaningful; where the two differ, the
+    isolator would have gone another way in flight.
     """
     nu = len(d.outputs.names)
     flown = sample.z[1:, FIRST + nu : FIRST + 2 * nu]

@@ -1,54 +1,71 @@
 """The fault isolator of Figure 6 as a state machine: which surface to excite next, and what its answer means.
 
-| mode  | does                          | goes to | when                                                                     |
-|-------|-------------------------------|---------|--------------------------------------------------------------------------|
-| WATCH | nothing                       | TEST    | ThereIsaFault, or a sweep is due (`sweep_every`)                         |
-| TEST  | excites the surfaces of one   | TEST    | all of the slot decided, or `test_max`: next slot of the round           |
-|       | slot                          | TRACK   | the round is over and a surface is declared                              |
-|       |                               | REST    | the round is over and none is                                            |
-|       |                               | WATCH   | ThereIsaFault has fallen and nothing is declared (and it is no sweep)    |
-| TRACK | excites the declared surfaces | TEST    | another axis shows a residual (after `rest`), or `retest`: twins again   |
-|       |                               | REST    | every declared surface has answered again for `recover`: recovered       |
-| REST  | nothing                       | WATCH   | after `rest` (TRACK where a surface is declared)                         |
-| HALT  | nothing; OUT_OF_ENVELOPE      | REST    | back in the envelope for `rest`; entered from TEST and TRACK at once     |
-| SPENT | nothing; labels stay, fall    | WATCH   | `event.reset` only; entered when the seconds of excitation are used up   |
-|       | after `settle` without a flag |         |                                                                          |
+| mode  | does                  | goes to | when                                                     |
+|-------|-----------------------|---------|----------------------------------------------------------|
+| WATCH | nothing               | TEST    | ThereIsaFault, or a sweep is due (`sweep_every`)         |
+| TEST  | excites the surfaces  | TEST    | all of the slot decided, or `test_max`: the next slot    |
+|       | of one slot           | TRACK   | the round is over and a surface is declared              |
+|       |                       | REST    | the round is over and none is                            |
+|       |                       | WATCH   | ThereIsaFault has fallen, nothing declared, no sweep     |
+| TRACK | excites the declared  | TEST    | another axis shows a residual (after `rest`), or         |
+|       | surfaces              |         | `retest`: its twins again                                |
+|       |                       | REST    | every declared surface answers again for `recover`       |
+| REST  | nothing               | WATCH   | after `rest` (TRACK where a surface is declared)         |
+| HALT  | nothing;              | REST    | back in the envelope for `rest`; entered from TEST and   |
+|       | OUT_OF_ENVELOPE       |         | TRACK at once                                            |
+| SPENT | nothing; labels stay, | WATCH   | `event.reset` only; entered when the seconds of          |
+|       | fall after `settle`   |         | excitation are used up                                   |
+|       | without a flag        |         |                                                          |
 
-A decision needs `test_min` samples of excitation and `confirm` samples on one side of the threshold: Lambda above it =
-declared, below = sound; `margin` standard deviations are added on both sides, so in wind a test takes longer instead of
-guessing. A surface still undecided after `test_max` is undecided, is not declared, and is tried again next round.
+A decision needs `test_min` samples of excitation and `confirm` samples on one side of the threshold: Lambda
+above it = declared, below = sound; `margin` standard deviations are added on both sides, so in wind a test
+takes longer instead of guessing. A surface still undecided after `test_max` is undecided, is not declared,
+and is tried again next round.
 
-Order: the axis whose |LP2(LP1(residual))| / threshold is largest comes first, its surfaces in the order of the aircraft
-file. Once a surface is declared its axis is explained: of that axis only the untested twins are tested, other axes only
-where their own residual passes its threshold (p, q, r thresholds chosen by (12)). So several simultaneous faults are
-found one after the other. event.reset clears labels and seconds from any mode.
+Order: the axis whose |LP2(LP1(residual))| / threshold is largest comes first, its surfaces in the order of
+the aircraft file. Once a surface is declared its axis is explained: of that axis only the untested twins
+are tested, other axes only where their own residual passes its threshold (p, q, r thresholds chosen by
+(12)). So several simultaneous faults are found one after the other. event.reset clears labels and seconds
+from any mode.
 
 The text of the paper gives the purpose of Figure 6 but not its timeouts, and its drawing is not used here.
 """
 
 from __future__ import annotations
 
-from ..parts.ops import jit, sin
-from .smac_health import doubt, excite, quiet, remaining
+from ..core import Array
+from ..parts.ops import inline, jit, pi, sin
+from .smac_health import excite, loss_std, remaining, silence
 from .smac_types import (
     AIRSPEED,
     ALTITUDE,
+    AMPLITUDE,
+    AXIS,
+    DELTA,
     DRIFT,
     EFFORT,
+    EXCITED,
     FLAG,
     FOREIGN,
+    HEARD,
+    HOLD,
     HOME_ALTITUDE,
     HOME_PSI,
     HOME_THETA,
+    LABEL,
+    LAMBDA,
+    LEVEL,
     MODE,
     PHI,
     PSI,
+    ROUND,
+    SCALE,
     SINCE,
     SLOT,
     SWEEP,
     SWEEP_AGE,
     THETA,
-    Array,
+    THRESHOLD,
     Params,
     State,
 )
@@ -57,109 +74,113 @@ WATCH, TEST, TRACK, REST, HALT, SPENT = range(6)
 UNTESTED, SOUND, UNDECIDED = range(3)
 
 
-@jit
+@inline
 def enter(s: State, mode: int) -> None:
     """Change mode; whatever was excited goes quiet (the new mode starts its own)."""
     s.clock[MODE] = mode
     s.clock[SINCE] = 0
     s.clock[FOREIGN] = 0
-    quiet(s)
+    for i in range(len(s.count)):
+        silence(s, i)
 
 
-@jit
+@inline
 def reset(s: State) -> None:
     """`event.reset`: forget labels, round and used seconds; the filters stay."""
-    s.label[:] = 0
-    s.verdict[:] = UNTESTED
+    s.count[:, LABEL] = 0
+    s.count[:, ROUND] = UNTESTED
     s.clock[EFFORT] = 0
     s.clock[SWEEP] = 0
     s.clock[SWEEP_AGE] = 0
     enter(s, WATCH)
 
 
-@jit
+@inline
 def labelled(s: State) -> bool:
     """Whether any surface is declared."""
-    return bool(s.label.max() > 0)
+    found = False
+    for i in range(len(s.count)):
+        found = found or s.count[i, LABEL] > 0
+    return found
 
 
-@jit
+@inline
 def go_home(s: State, z: Array) -> None:
     """Remember the straight and level flight that the excitation must not leave."""
-    s.home[HOME_THETA] = z[THETA]
-    s.home[HOME_ALTITUDE] = z[ALTITUDE]
-    s.home[HOME_PSI] = z[PSI]
-    s.home[DRIFT] = 0.0
+    s.misc[HOME_THETA] = z[THETA]
+    s.misc[HOME_ALTITUDE] = z[ALTITUDE]
+    s.misc[HOME_PSI] = z[PSI]
+    s.misc[DRIFT] = 0.0
 
 
-@jit
+@inline
 def outside(p: Params, s: State, z: Array) -> bool:
     """Whether attitude, altitude or track have left the envelope since the isolator began.
 
-    The track deviation is the integral of V sin(psi - psi0): what the aircraft strays sideways from the straight flight
-    it had, wind apart.
+    The track deviation is the integral of V sin(psi - psi0): what the aircraft strays sideways from the
+    straight flight it had, wind apart.
     """
-    s.home[DRIFT] += p.model.dt * z[AIRSPEED] * sin(z[PSI] - s.home[HOME_PSI])
+    s.misc[DRIFT] += p.model.dt * z[AIRSPEED] * sin(z[PSI] - s.misc[HOME_PSI])
     b = p.budget
     return bool(
         abs(z[PHI]) > b.bank
-        or abs(z[THETA] - s.home[HOME_THETA]) > b.pitch
-        or abs(z[ALTITUDE] - s.home[HOME_ALTITUDE]) > b.altitude
-        or abs(s.home[DRIFT]) > b.track
+        or abs(z[THETA] - s.misc[HOME_THETA]) > b.pitch
+        or abs(z[ALTITUDE] - s.misc[HOME_ALTITUDE]) > b.altitude
+        or abs(s.misc[DRIFT]) > b.track
     )
 
 
-@jit
+@inline
 def _axis_ratio(p: Params, s: State, axis: int) -> float:
     """|LP2(LP1(residual))| over its threshold, less what the declared surfaces explain of it."""
-    rest = s.axis[axis]
-    for i in range(len(s.label)):
-        if s.label[i] > 0:
-            rest -= p.detector.sensitivity[axis, i] * s.delta[i]
-    return abs(rest) / p.detector.axis[axis]
+    rest = s.axes[axis, LEVEL]
+    for i in range(len(s.count)):
+        if s.count[i, LABEL] > 0:
+            rest -= p.detector.sensitivity[axis, i] * s.surface[i, DELTA]
+    return abs(rest) / (p.detector.axis[axis] * s.misc[SCALE + axis])
 
 
-@jit
+@inline
 def _explained(p: Params, s: State, axis: int) -> bool:
     """Whether a declared surface belongs to this axis."""
-    for i in range(len(s.label)):
-        if s.label[i] > 0 and p.probe.axis[i] == axis:
-            return True
-    return False
+    found = False
+    for i in range(len(s.count)):
+        found = found or (s.count[i, LABEL] > 0 and p.probe.place[i, AXIS] == axis)
+    return found
 
 
-@jit
-def _wanted(p: Params, s: State, i: int, any_label: bool, scale: float) -> float:
+@inline
+def _wanted(p: Params, s: State, i: int, any_label: bool) -> float:
     """Urgency of testing surface i, -1 where it should not be tested now."""
-    if s.label[i] > 0 or s.verdict[i] != UNTESTED:
+    if s.count[i, LABEL] > 0 or s.count[i, ROUND] != UNTESTED:
         return -1.0
-    ratio = _axis_ratio(p, s, p.probe.axis[i])
+    ratio = _axis_ratio(p, s, p.probe.place[i, AXIS])
     if any_label and s.clock[SWEEP] == 0:
-        if _explained(p, s, p.probe.axis[i]):
+        if _explained(p, s, p.probe.place[i, AXIS]):
             return 1e3 + ratio
-        if ratio < scale:
+        if ratio < 1.0:
             return -1.0
     return ratio
 
 
 @jit
-def _next_slot(p: Params, s: State, scale: float) -> int:
+def _next_slot(p: Params, s: State) -> int:
     """The most urgent slot of this round, -1 when there is none left."""
     best, urgency = -1, -1.0
     any_label = labelled(s)
     for k in range(len(p.probe.slots)):
-        for i in range(len(s.label)):
+        for i in range(len(s.count)):
             if p.probe.slots[k, i] > 0:
-                want = _wanted(p, s, i, any_label, scale)
+                want = _wanted(p, s, i, any_label)
                 if want > urgency:
                     best, urgency = k, want
     return best
 
 
 @jit
-def _advance_round(p: Params, s: State, scale: float) -> None:
+def _advance_round(p: Params, s: State) -> None:
     """Next slot of the round, or its end."""
-    k = _next_slot(p, s, scale)
+    k = _next_slot(p, s)
     if k >= 0:
         enter(s, TEST)
         s.clock[SLOT] = k
@@ -170,109 +191,114 @@ def _advance_round(p: Params, s: State, scale: float) -> None:
 
 
 @jit
-def _watch(p: Params, s: State, z: Array, scale: float) -> None:
+def _watch(p: Params, s: State, z: Array) -> None:
     due = p.timing.sweep_every > 0 and s.clock[SWEEP_AGE] >= p.timing.sweep_every
     if s.clock[FLAG] > 0 or due:
         s.clock[SWEEP] = 1 if due and s.clock[FLAG] == 0 else 0
-        s.verdict[:] = UNTESTED
+        s.count[:, ROUND] = UNTESTED
         go_home(s, z)
-        _advance_round(p, s, scale)
+        _advance_round(p, s)
+
+
+@inline
+def lambda_max(p: Params, i: int) -> float:
+    """(20): Lambda of a surface that does not answer, 2A/pi, rad."""
+    return 2.0 * float(p.probe.surface[i, AMPLITUDE]) / pi
 
 
 @jit
 def _decide(p: Params, s: State, i: int) -> None:
     """Declared or sound, once the answer has been on one side for `confirm` samples."""
-    if s.excited[i] < p.timing.test_min or s.count[i] == 0:
+    if s.count[i, EXCITED] < p.timing.test_min or s.count[i, HEARD] == 0:
         return
-    margin = p.timing.margin * doubt(p, s, i)
-    gap = s.lam[i] - p.probe.threshold[i]
+    margin = p.timing.margin * lambda_max(p, i) * loss_std(p.probe, s, i)
+    gap = s.surface[i, LAMBDA] - p.probe.surface[i, THRESHOLD]
     if gap > margin:
-        s.hold[i] = max(s.hold[i], 0) + 1
+        s.count[i, HOLD] = max(s.count[i, HOLD], 0) + 1
     elif gap < -margin:
-        s.hold[i] = min(s.hold[i], 0) - 1
+        s.count[i, HOLD] = min(s.count[i, HOLD], 0) - 1
     else:
-        s.hold[i] = 0
-    if s.hold[i] >= p.timing.confirm:
-        s.label[i] = 1
-        s.verdict[i] = SOUND  # tested; the label says the rest
-        s.hold[i] = 0
-    elif s.hold[i] <= -p.timing.confirm:
-        s.verdict[i] = SOUND
+        s.count[i, HOLD] = 0
+    if s.count[i, HOLD] >= p.timing.confirm:
+        s.count[i, LABEL] = 1
+        s.count[i, ROUND] = SOUND  # tested; the label says the rest
+        s.count[i, HOLD] = 0
+    elif s.count[i, HOLD] <= -p.timing.confirm:
+        s.count[i, ROUND] = SOUND
 
 
 @jit
-def _test(p: Params, s: State, scale: float) -> None:
+def _test(p: Params, s: State) -> None:
     if s.clock[FLAG] == 0 and s.clock[SWEEP] == 0 and not labelled(s):
         enter(s, WATCH)
         return
     slot = p.probe.slots[s.clock[SLOT]]
     pending = 0
     for i in range(len(slot)):
-        if slot[i] > 0 and s.verdict[i] == UNTESTED and s.label[i] == 0:
+        if slot[i] > 0 and s.count[i, ROUND] == UNTESTED and s.count[i, LABEL] == 0:
             _decide(p, s, i)
-            if s.clock[SINCE] >= p.timing.test_max and s.verdict[i] == UNTESTED:
-                s.verdict[i] = UNDECIDED
-            pending += 1 if s.verdict[i] == UNTESTED else 0
+            if s.clock[SINCE] >= p.timing.test_max and s.count[i, ROUND] == UNTESTED:
+                s.count[i, ROUND] = UNDECIDED
+            pending += 1 if s.count[i, ROUND] == UNTESTED else 0
     if pending == 0:
-        _advance_round(p, s, scale)
+        _advance_round(p, s)
         return
     for i in range(len(slot)):
-        if slot[i] > 0 and s.label[i] == 0:
-            excite(p, s, i)
+        if slot[i] > 0 and s.count[i, LABEL] == 0:
+            excite(p.probe, s, i)
 
 
 @jit
-def _foreign(p: Params, s: State, scale: float) -> bool:
+def _foreign(p: Params, s: State) -> bool:
     """Whether an axis without a declared surface has shown a residual for `confirm` samples."""
     seen = False
     for axis in range(3):
-        if not _explained(p, s, axis) and _axis_ratio(p, s, axis) > scale:
-            for i in range(len(s.label)):
-                seen = seen or p.probe.axis[i] == axis
+        if not _explained(p, s, axis) and _axis_ratio(p, s, axis) > 1.0:
+            for i in range(len(s.count)):
+                seen = seen or p.probe.place[i, AXIS] == axis
     s.clock[FOREIGN] = s.clock[FOREIGN] + 1 if seen else 0
     return bool(s.clock[FOREIGN] >= p.timing.confirm)
 
 
-@jit
+@inline
 def _name_mode(p: Params, s: State, i: int) -> None:
     """Stuck or partly effective, with hysteresis of 0.1 in what is left."""
     left = remaining(p.probe, s, i)
-    edge = p.probe.stuck_below + (0.05 if s.label[i] == 1 else -0.05)
-    s.label[i] = 1 if left < edge else 2
+    edge = p.probe.stuck_below + (0.05 if s.count[i, LABEL] == 1 else -0.05)
+    s.count[i, LABEL] = 1 if left < edge else 2
 
 
 @jit
 def _follow(p: Params, s: State, i: int) -> None:
     """A declared surface that answers again for `recover` samples has recovered."""
-    if s.count[i] > 0 and s.excited[i] >= p.timing.test_min:
-        s.hold[i] = s.hold[i] + 1 if s.lam[i] < p.probe.threshold[i] else 0
+    if s.count[i, HEARD] > 0 and s.count[i, EXCITED] >= p.timing.test_min:
+        s.count[i, HOLD] = s.count[i, HOLD] + 1 if s.surface[i, LAMBDA] < p.probe.surface[i, THRESHOLD] else 0
         _name_mode(p, s, i)
-    if s.hold[i] >= p.timing.recover:
-        s.label[i] = 0
-        s.excited[i] = 0
-        s.excitation[i] = 0.0
+    if s.count[i, HOLD] >= p.timing.recover:
+        s.count[i, LABEL] = 0
+        silence(s, i)
 
 
 @jit
-def _track(p: Params, s: State, scale: float) -> None:
-    for i in range(len(s.label)):
-        if s.label[i] > 0:
+def _track(p: Params, s: State) -> None:
+    for i in range(len(s.count)):
+        if s.count[i, LABEL] > 0:
             _follow(p, s, i)
     if not labelled(s):
         enter(s, REST)
         return
     again = s.clock[SINCE] >= p.timing.retest
-    if again or (_foreign(p, s, scale) and s.clock[SINCE] >= p.timing.rest):
-        for i in range(len(s.label)):
-            if again or not _explained(p, s, p.probe.axis[i]):
-                s.verdict[i] = UNTESTED
-        if _next_slot(p, s, scale) >= 0:
-            _advance_round(p, s, scale)
+    if again or (_foreign(p, s) and s.clock[SINCE] >= p.timing.rest):
+        for i in range(len(s.count)):
+            if again or not _explained(p, s, p.probe.place[i, AXIS]):
+                s.count[i, ROUND] = UNTESTED
+        if _next_slot(p, s) >= 0:
+            _advance_round(p, s)
             return
         s.clock[SINCE] = 0
-    for i in range(len(s.label)):
-        if s.label[i] > 0:
-            excite(p, s, i)
+    for i in range(len(s.count)):
+        if s.count[i, LABEL] > 0:
+            excite(p.probe, s, i)
 
 
 @jit
@@ -280,7 +306,7 @@ def _wait(p: Params, s: State, z: Array, mode: int) -> None:
     """REST, HALT and SPENT."""
     if mode == HALT:
         # Home is where the aircraft is once it flies level again; track and altitude do not hold it back.
-        if abs(z[PHI]) > p.budget.bank or abs(z[THETA] - s.home[HOME_THETA]) > p.budget.pitch:
+        if abs(z[PHI]) > p.budget.bank or abs(z[THETA] - s.misc[HOME_THETA]) > p.budget.pitch:
             s.clock[SINCE] = 0
         elif s.clock[SINCE] >= p.timing.rest:
             go_home(s, z)
@@ -289,28 +315,28 @@ def _wait(p: Params, s: State, z: Array, mode: int) -> None:
         if s.clock[FLAG] > 0:
             s.clock[SINCE] = 0
         elif s.clock[SINCE] >= p.timing.settle:
-            s.label[:] = 0
+            s.count[:, LABEL] = 0
     elif s.clock[SINCE] >= p.timing.rest:
         enter(s, TRACK if labelled(s) else WATCH)
 
 
 @jit
-def isolate(p: Params, s: State, z: Array, scale: float) -> None:
-    """One sample of the machine; scale: how far wind raises the thresholds of the axes (1 in still air)."""
+def isolate(p: Params, s: State, z: Array) -> None:
+    """One sample of the machine."""
     s.clock[SINCE] += 1
     s.clock[SWEEP_AGE] += 1
     mode = int(s.clock[MODE])
-    if mode == TEST or mode == TRACK:
+    if mode in (TEST, TRACK):
         s.clock[EFFORT] += 1
         if s.clock[EFFORT] * p.model.dt > p.budget.seconds:
             enter(s, SPENT)
         elif outside(p, s, z):
             enter(s, HALT)
         elif mode == TEST:
-            _test(p, s, scale)
+            _test(p, s)
         else:
-            _track(p, s, scale)
+            _track(p, s)
     elif mode == WATCH:
-        _watch(p, s, z, scale)
+        _watch(p, s, z)
     else:
         _wait(p, s, z, mode)

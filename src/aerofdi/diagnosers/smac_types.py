@@ -1,38 +1,45 @@
-"""The records of SMAC-FDI: the numbers fixed at design time and the memory that goes from step to step."""
+"""The records of SMAC-FDI: the numbers fixed at design time and the memory that goes from step to step.
+
+Numbers that exist once a surface share one table each (few, wide arrays are passed between compiled
+functions at no cost, many small ones are not); the columns have names below.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import Array
+from ..core import Array, WrongUse
 from .smac_ekf import RateModel
 
 Ints = NDArray[np.int64]
 
 # Actuator health evaluators.
 RECTIFIED, SYNCHRONOUS, FUSED = 0, 1, 2
-# Rules of the fault detector: the paper's sum over the axes (5), or the largest axis against its own threshold.
+# Rules of the fault detector: the paper's sum over the axes (5), or the largest axis against its own
+# threshold.
 SUM, AXES = 0, 1
 
 # Channels of z before the commands.
 P, Q, R, AIRSPEED, ALPHA, BETA, PHI, THETA, PSI, ALTITUDE = range(10)
 SIGNALS = ("p", "q", "r", "airspeed", "alpha", "beta", "phi", "theta", "psi", "altitude")
 SIGNAL_UNITS = ("rad/s", "rad/s", "rad/s", "m/s", "rad", "rad", "rad", "rad", "rad", "m")
+FIRST = len(SIGNALS)
 
 
 class Detector(NamedTuple):
     """Fault detector, section 3.2.
 
-    rule: SUM (5) or AXES. a1, a2: shares 1 - exp(-2 pi f Ts) of LP1 and LP2. threshold: Gamma2_thresh, rad/s (AXES: 1).
-    release: the flag falls below release x threshold. axis (3,): p, q, r thresholds, rad/s: they choose the group, and
-    with AXES they detect too. wind_gain: growth of all
-    thresholds with wind activity, sqrt(1 + (wind_gain activity)^2), 1/rad (0: fixed, as in the paper). wind_floor: activity of the vanes' own noise, rad^2.
-    a_fast, a_slow, a_wind: shares of the filters of the wind measure. a_estimate: of the stuck angle's filter.
-    sensitivity (3, nu): residual in rad/s that 1 rad of unexplained deflection leaves in steady flight. estimate_std
-    (nu,): of the stuck angle, rad.
+    rule: SUM (5) or AXES. a1, a2: shares 1 - exp(-2 pi f Ts) of LP1 and LP2. threshold: Gamma2_thresh, rad/s
+    (AXES: 1). release: the flag falls below release x threshold. wind_floor: vane activity of their own
+    noise, rad2. a_fast, a_slow, a_wind: shares of the filters of the wind measure. a_estimate: of the stuck
+    angle's filter. axis (3,): p, q, r thresholds, rad/s: they choose the group, and with AXES they detect
+    too. wind_gain (3,): growth of each with vane activity, sqrt(1 + wind_gain^2 (activity - floor)), 1/rad
+    (0: fixed, as in the paper). sensitivity (3, nu): residual in rad/s that 1 rad of unexplained deflection
+    leaves in steady flight.
     """
 
     rule: int
@@ -40,55 +47,63 @@ class Detector(NamedTuple):
     a2: float
     threshold: float
     release: float
-    axis: Array
-    wind_gain: float
     wind_floor: float
     a_fast: float
     a_slow: float
     a_wind: float
     a_estimate: float
+    axis: Array
+    wind_gain: Array
     sensitivity: Array
-    estimate_std: Array
+
+
+# Columns of Probe.surface.
+(
+    AMPLITUDE,  # A of (14), rad
+    PHASE,  # omega Ts, rad a sample
+    BUDGET,  # what the excitation may never exceed, rad
+    THRESHOLD,  # Lambda_thresh, rad
+    REPLY,  # kappa: the share of A with which a sound surface's command answers
+    LOOP_RE,  # loop gain through this surface alone at its frequency
+    LOOP_IM,
+    HEALTHY_RE,  # R0: command over excitation with every surface sound
+    HEALTHY_IM,
+    DEAD_RE,  # Q0: residual of its axis over excitation of a surface that does not move, rad/s per rad
+    DEAD_IM,
+    ANGLE_STD,  # standard deviation of the estimated stuck angle, rad
+) = range(12)
+# Columns of Probe.place.
+AXIS, LAG = range(2)
 
 
 class Probe(NamedTuple):
     """Excitation (14) and actuator health evaluators (17).
 
-    amplitude (nu,): A, rad. phase (nu,): omega Ts, rad a sample. slots (ns, nu): 1 where a surface is excited in that
-    test. axis (nu,): group (0 roll, 1 pitch, 2 yaw). twins (nu,): other surfaces of the group. method: RECTIFIED,
-    SYNCHRONOUS or FUSED. lag (nu,): lambda, samples. reply (nu,): the share of A with which a sound surface's command answers.
-    a_mean, a_noise, a_lambda: shares of the filters f_i1 (mean), f_i2 (noise), f_i3; a_track: of the
-    answer while tracking. loop (nu, 2): real and imaginary
-    part of the loop gain through this surface alone at its frequency. healthy (nu, 2): complex ratio R0 of command to
-    excitation with every surface sound. dead (nu, 2): complex ratio Q0 of the residual of its axis to the excitation of
-    a surface that does not move, s. window: N, samples of the synchronous evaluator. cosine, sine (N, nu).
-    threshold (nu,): Lambda_thresh, rad. stuck_below: remaining effectiveness below which the label is "stuck".
+    method: RECTIFIED, SYNCHRONOUS or FUSED. a_mean, a_noise, a_lambda: shares of the filters f_i1 (mean),
+    f_i2 (noise), f_i3; a_track: of the answer while tracking. window: N, samples of the synchronous
+    evaluator. stuck_below: remaining effectiveness below which the label is "stuck". surface (nu, 12),
+    place (nu, 2): columns named above; AXIS is the group (0 roll, 1 pitch, 2 yaw), LAG is lambda in
+    samples. slots (ns, nu): 1 where a surface is excited in that test. waves (N, 2 nu): cosine, then sine
+    of every surface's frequency over the window.
     """
 
-    amplitude: Array
-    phase: Array
-    slots: Ints
-    axis: Ints
-    twins: Ints
     method: int
-    lag: Ints
-    reply: Array
     a_mean: float
     a_noise: float
     a_lambda: float
     a_track: float
-    loop: Array
-    healthy: Array
-    dead: Array
     window: int
-    cosine: Array
-    sine: Array
-    threshold: Array
     stuck_below: float
+    surface: Array
+    place: Ints
+    slots: Ints
+    waves: Array
 
 
 class Timing(NamedTuple):
-    """Timeouts of the isolator in samples, see the table in `smac_isolator`; margin: standard deviations of caution."""
+    """Timeouts of the isolator in samples, see the table in `smac_isolator`; margin: standard deviations of
+    caution.
+    """
 
     settle: int
     test_min: int
@@ -102,10 +117,10 @@ class Timing(NamedTuple):
 
 
 class Budget(NamedTuple):
-    """What the excitation may never exceed. amplitude (nu,): rad. seconds: of excitation between two resets. bank,
-    pitch (rad), altitude, track (m): deviations from straight and level flight at which it stops at once."""
+    """What the excitation may never exceed besides its amplitude. seconds: of excitation between two
+    resets. bank, pitch (rad), altitude, track (m): deviations from straight and level flight at which it
+    stops at once."""
 
-    amplitude: Array
     seconds: float
     bank: float
     pitch: float
@@ -114,8 +129,11 @@ class Budget(NamedTuple):
 
 
 class Params(NamedTuple):
-    """Everything SMAC knows of one aircraft. max_age (nz,): s, inf for optional inputs."""
+    """Everything SMAC knows of one aircraft. vanes: 1 where alpha and beta are measured; else the filter
+    takes alpha = theta and beta = 0, as in straight and level flight. max_age (nz,): s, inf for optional
+    inputs."""
 
+    vanes: int
     model: RateModel
     detector: Detector
     probe: Probe
@@ -124,66 +142,97 @@ class Params(NamedTuple):
     max_age: Array
 
 
+_PARTS = {"model": RateModel, "detector": Detector, "probe": Probe, "timing": Timing, "budget": Budget}
+
+
+def flatten(params: Params) -> dict[str, NDArray[Any]]:
+    """Params as the arrays a Design holds: "probe.surface" -> array."""
+    out: dict[str, NDArray[Any]] = {"vanes": np.asarray(params.vanes), "max_age": params.max_age}
+    for part in _PARTS:
+        record = getattr(params, part)
+        out |= {f"{part}.{name}": np.asarray(getattr(record, name)) for name in record._fields}
+    return out
+
+
+def unflatten(arrays: Mapping[str, Any]) -> Params:
+    """The Params of `flatten`; a missing array is refused by name."""
+    names = ["vanes", "max_age", *(f"{part}.{f}" for part, kind in _PARTS.items() for f in kind._fields)]
+    missing = [name for name in names if name not in arrays]
+    if missing:
+        raise WrongUse(
+            f"this is no SMAC design: it lacks {', '.join(missing)}; make it with `aerofdi design smac`"
+        )
+
+    def value(x: Any) -> Any:
+        a = np.asarray(x)
+        whole = a.dtype.kind in "iub"
+        if a.ndim == 0:
+            return int(a) if whole else float(a)
+        return np.ascontiguousarray(a, dtype=np.int64 if whole else float)
+
+    parts: dict[str, Any] = {
+        part: kind(**{f: value(arrays[f"{part}.{f}"]) for f in kind._fields})  # type: ignore[operator]
+        for part, kind in _PARTS.items()
+    }
+    return Params(vanes=value(arrays["vanes"]), max_age=value(arrays["max_age"]), **parts)
+
+
+# Columns of State.axes.
+RESIDUAL, LOW, LEVEL, SLOW = range(4)
+# Columns of State.surface.
+(
+    MEAN,  # of the command, rad
+    NOISE,  # the command without mean and fast noise, rad
+    TRIM,  # the command through the estimate's filter, rad
+    DELTA,  # stuck angle less command, rad
+    LAMBDA,  # rad
+    ANSWER_RE,  # averaged R
+    ANSWER_IM,
+    WITNESS_RE,  # averaged Q
+    WITNESS_IM,
+    EXCITATION,  # for the next sample, rad
+    C_COS,  # the windows, demodulated: command, excitation, residual of the axis
+    C_SIN,
+    E_COS,
+    E_SIN,
+    R_COS,
+    R_SIN,
+    C_POWER,  # mean square amplitude of command and residual at the test frequency without excitation
+    R_POWER,
+) = range(18)
+# Columns of State.count.
+HEARD, EXCITED, LABEL, ROUND, HOLD = range(5)
 # Slots of State.clock.
 READY, GAP, INDEX, MODE, SINCE, SLOT, FLAG, EFFORT, SWEEP_AGE, SWEEP, FOREIGN, CALM = range(12)
-# Slots of State.home.
-HOME_THETA, HOME_ALTITUDE, HOME_PSI, DRIFT = range(4)
-# Slots of State.wind.
-WIND_AF, WIND_AS, WIND_BF, WIND_BS, WIND_POWER = range(5)
+# Slots of State.misc.
+GAMMA2, WIND_AF, WIND_AS, WIND_BF, WIND_BS, WIND_POWER, HOME_THETA, HOME_ALTITUDE, HOME_PSI, DRIFT = range(10)
+SCALE = 10  # and 11, 12: how far wind raises the threshold of each axis
 
 
 class State(NamedTuple):
-    """Memory between steps; sizes for nu surfaces and a window of N samples.
+    """Memory between steps, for nu surfaces and a window of N samples; the columns are named above.
 
-    x (3,), P (6,): filter. low, axis, slow (3,): residuals through LP1, through LP1 and LP2, and through the estimate's
-    filter. gamma (1,):
-    Gamma2. wind (5,). residual, accel (3,): this sample's. mean, noise, trim (nu,): filtered commands. delta (nu,): stuck angle
-    minus command, rad. ring_c, ring_s
-    (nu, N), ring_r (3, N): commands without mean, excitations, residuals. sums (nu, 6): demodulated rings: command cos,
-    sin, excitation cos, sin, residual of the axis cos, sin. ambient (nu, 2): mean square of the amplitudes that command
-    and residual have by themselves at the test frequency, rad2, (rad/s)2. lam (nu,): Lambda, rad. answer, witness
-    (nu, 2): averaged complex R and Q. count (nu,): samples in it. excited (nu,): samples since this surface's
-    excitation began. label (nu,): 1 stuck, 2 partly effective. verdict (nu,): 0 untested, 1 sound, 2 undecided, of this round. hold
-    (nu,): samples the answer has been on one side (negative: sound side). excitation (nu,). home (4,). clock (12,).
+    kalman (9,): x and the lower triangle of Sigma. axes (3, 4): residual; through LP1; through LP1 and LP2;
+    through the estimate's filter. surface (nu, 18). count (nu, 5): samples averaged into the answer;
+    samples excited; label (0 sound, 1 stuck, 2 partly effective); verdict of this round (0 untested, 1
+    sound, 2 undecided); samples the answer has been on one side (negative: sound). ring (2 nu + 3, N):
+    commands without mean, excitations, residuals. misc (13,). clock (12,).
     """
 
-    x: Array
-    P: Array
-    low: Array
-    axis: Array
-    slow: Array
-    gamma: Array
-    wind: Array
-    residual: Array
-    accel: Array
-    mean: Array
-    noise: Array
-    trim: Array
-    delta: Array
-    ring_c: Array
-    ring_s: Array
-    ring_r: Array
-    sums: Array
-    ambient: Array
-    lam: Array
-    answer: Array
-    witness: Array
+    kalman: Array
+    axes: Array
+    surface: Array
     count: Ints
-    excited: Ints
-    label: Ints
-    verdict: Ints
-    hold: Ints
-    excitation: Array
-    home: Array
+    ring: Array
+    misc: Array
     clock: Ints
 
 
 def init(params: Params) -> State:
     """Nothing seen yet: x(0|-1) = 0, Sigma(0|-1) = I, every filter at zero, no label."""
-    n, window = len(params.probe.amplitude), params.probe.window
-    f, i = np.zeros, lambda *shape: np.zeros(shape, dtype=np.int64)
+    n, window = len(params.probe.surface), params.probe.window
+    kalman = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
     return State(
-        f(3), np.array([1.0, 0.0, 1.0, 0.0, 0.0, 1.0]), f(3), f(3), f(3), f(1), f(5), f(3), f(3), f(n), f(n), f(n),
-        f(n), f((n, window)), f((n, window)), f((3, window)), f((n, 6)), f((n, 2)), f(n), f((n, 2)), f((n, 2)), i(n), i(n), i(n), i(n), i(n), f(n), f(4),
-        i(12),
+        kalman, np.zeros((3, 4)), np.zeros((n, 18)), np.zeros((n, 5), dtype=np.int64), np.zeros((2 * n + 3, window)),
+        np.zeros(13), np.zeros(12, dtype=np.int64),
     )  # fmt: skip
