@@ -102,6 +102,7 @@ SERVO = {
     "SERVO3_MAX": 2000,
     "SERVO3_REVERSED": 0,
 }
+SERVO |= {f"SERVO{n}_{key}": us for n in (4, 5) for key, us in (("MIN", 1100), ("TRIM", 1500), ("MAX", 1900))}
 
 
 def dataflash_messages(n: int = 40) -> list[tuple[str, tuple]]:

@@ -1,5 +1,7 @@
 """Every reader on a tiny log of its format: names, units, signs, clock, tables, events."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -114,6 +116,22 @@ def test_telemetry_keeps_the_longest_stretch_between_restarts(tmp_path, tiny):
     flight = records.read(put(tmp_path / "a.tlog", tiny.tlog(restart=True)))
     assert len(flight.measured["p"].t_s) == 40
     assert any("restarted" in text for text in flight.meta["notes"])
+
+
+def test_a_copter_has_no_surfaces_and_no_plane_modes(tmp_path, tiny):
+    data = tiny.dataflash().replace(b"ArduPlane V4.5.0", b"ArduCopterV4.5.0")
+    flight = records.read(put(tmp_path / "a.BIN", data))
+    assert not [name for name in flight.measured if name.startswith("command.")]
+    assert flight.measured["mode"].codes is None
+    assert any("no control surfaces" in text for text in flight.meta["notes"])
+
+
+def test_parsers_that_print_are_silenced(tmp_path, tiny, capfd):
+    data = bytearray(tiny.ulog("servos"))
+    data[16 + 3 + 40 + 3 + 1 : 16 + 3 + 40 + 3 + 6] = b"\xff" * 5  # damage that makes pyulog print a warning
+    with contextlib.suppress(UnreadableFile):
+        records.read(put(tmp_path / "a.ulg", bytes(data)))
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("version", [1, 2, 3])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..core import Array, Flight, Series
-from .log import Log
+from .log import Log, Table
 from .profile import Profile
 
 # SERVOn_FUNCTION -> surface, and the moment a positive normalised command asks for.
@@ -27,6 +29,9 @@ ARDUPILOT_FUNCTIONS: dict[int, tuple[str, dict[str, int]]] = {
 RANGE_FUNCTIONS = {2, 3, 70}
 DEFAULT_FUNCTIONS = {1: 4, 2: 19, 3: 70, 4: 21}
 DEFAULT_US = (1100.0, 1500.0, 1900.0)
+MAX_OUTPUTS = 32
+# MAV_TYPE of fixed wings and VTOLs.
+WINGED_TYPES = frozenset((1, 19, 20, 21, 22, 23, 24, 25))
 
 
 def pwm_to_command(pwm: Array, low: float, trim: float, high: float, reverse: bool, ranged: bool) -> Array:
@@ -44,14 +49,29 @@ def pwm_to_command(pwm: Array, low: float, trim: float, high: float, reverse: bo
     return -value if reverse else value
 
 
-def _functions(log: Log, count: int) -> dict[int, int]:
-    """Output number -> surface function, from the log's parameters; empty where it has none."""
-    found = {}
-    for n in range(1, count + 1):
-        value = log.parameters.get(f"SERVO{n}_FUNCTION")
-        if value is not None and np.isfinite(value) and int(value) in ARDUPILOT_FUNCTIONS:
-            found[n] = int(value)
-    return found
+def _is_plane(log: Log) -> bool:
+    """Whether the autopilot flies a fixed wing or a VTOL, as far as the log says; True where it does not say."""
+    firmware = str(log.info.get("firmware", "ArduPlane"))
+    heartbeat = log.tables.get("HEARTBEAT")
+    kinds = (
+        set()
+        if heartbeat is None
+        else set(np.asarray(heartbeat.columns.get("type", [])).astype(int).tolist())
+    )
+    return firmware.startswith("ArduPlane") and (not kinds or bool(kinds & WINGED_TYPES))
+
+
+def _functions(log: Log, meta: dict[str, Any]) -> dict[int, int]:
+    """Output number -> surface function: by the log's parameters, else ArduPlane's defaults, said in meta."""
+    given = {n: log.parameters.get(f"SERVO{n}_FUNCTION") for n in range(1, MAX_OUTPUTS + 1)}
+    known = {n: int(value) for n, value in given.items() if value is not None and np.isfinite(value)}
+    if known:
+        return {n: function for n, function in known.items() if function in ARDUPILOT_FUNCTIONS}
+    meta["assumed"].append(
+        "the log holds no SERVOn parameters: outputs 1 aileron, 2 elevator, 3 throttle, 4 rudder "
+        "with 1100, 1500, 1900 us are assumed (ArduPlane's defaults)"
+    )
+    return dict(DEFAULT_FUNCTIONS)
 
 
 def _travel(log: Log, n: int, assumed: list[str]) -> tuple[float, float, float, bool]:
@@ -60,10 +80,23 @@ def _travel(log: Log, n: int, assumed: list[str]) -> tuple[float, float, float, 
         low, trim, high = (float(log.parameters[key]) for key in keys)
         if low <= trim <= high and low < high:
             return low, trim, high, bool(log.parameters.get(f"SERVO{n}_REVERSED", 0.0))
-        assumed.append(
-            f"output {n}: MIN, TRIM, MAX in the log are not in order; 1100, 1500, 1900 us are used"
-        )
+        assumed.append(f"output {n}: its MIN, TRIM, MAX are not in order; 1100, 1500, 1900 us are assumed")
+    elif f"SERVO{n}_FUNCTION" in log.parameters:
+        assumed.append(f"output {n}: its MIN, TRIM, MAX are not in the log; 1100, 1500, 1900 us are assumed")
     return *DEFAULT_US, False
+
+
+def _pulses(log: Log, profile: Profile) -> tuple[Table, dict[int, str]] | None:
+    """The topic that holds the pulses, and output number -> field, by the first pattern whose topic is there."""
+    for pattern in profile.outputs.get("topics", ()):
+        topic, _, form = pattern.partition(".")
+        if topic in log.tables:
+            table = log.tables[topic]
+            fields = {
+                n: form.replace("{n}", str(n)).replace("{n0}", str(n - 1)) for n in range(1, MAX_OUTPUTS + 1)
+            }
+            return table, {n: name for n, name in fields.items() if name in table.columns}
+    return None
 
 
 def ardupilot_surfaces(log: Log, profile: Profile, flight: Flight) -> None:
@@ -73,41 +106,38 @@ def ardupilot_surfaces(log: Log, profile: Profile, flight: Flight) -> None:
     meta['assumed']. Several outputs with one function carry one command: they are named <surface>_servoN and
     grouped under <surface>. [outputs.names] of the profile may name outputs otherwise.
     """
-    pattern = next((p for p in profile.outputs.get("topics", ()) if p.partition(".")[0] in log.tables), None)
-    if pattern is None:
-        return
-    topic, _, form = pattern.partition(".")
-    table = log.tables[topic]
-    columns = {n: form.replace("{n}", str(n)).replace("{n0}", str(n - 1)) for n in range(1, 33)}
-    columns = {n: name for n, name in columns.items() if name in table.columns}
-    assumed: list[str] = flight.meta["assumed"]
-    functions = _functions(log, 32)
-    if not functions:
-        functions = dict(DEFAULT_FUNCTIONS)
-        assumed.append(
-            "the log holds no SERVOn parameters: outputs 1 aileron, 2 elevator, 3 throttle, 4 rudder "
-            "with 1100, 1500, 1900 us are assumed (ArduPlane's defaults)"
+    found = _pulses(log, profile)
+    if not _is_plane(log):
+        flight.meta["notes"].append(
+            "the vehicle is no ArduPlane fixed wing or VTOL: its outputs are no control surfaces, its modes unnamed"
         )
+        if "mode" in flight.measured:
+            flight.measured["mode"] = flight.measured["mode"]._replace(codes=None)
+        return
+    if found is None:
+        return
+    table, columns = found
+    functions = _functions(log, flight.meta)
     names = {int(n): name for n, name in profile.outputs.get("names", {}).items()}
     used = {n: f for n, f in functions.items() if n in columns}
+    if not used:
+        flight.meta["notes"].append("no surface commands: no SERVOn_FUNCTION names a control surface")
     for n, function in used.items():
         surface, signs = ARDUPILOT_FUNCTIONS[function]
-        low, trim, high, reverse = _travel(log, n, assumed)
-        if function in RANGE_FUNCTIONS and not log.parameters.get(f"SERVO{n}_MIN"):
-            trim = low
+        travel = _travel(log, n, flight.meta["assumed"])
         pwm = np.asarray(table.columns[columns[n]], dtype=float)
-        value = pwm_to_command(pwm, low, trim, high, reverse, function in RANGE_FUNCTIONS)
+        value = pwm_to_command(pwm, *travel, ranged=function in RANGE_FUNCTIONS)
         if not np.isfinite(value).any():
             flight.meta["notes"].append(f"output {n} ({surface}) is left out: its pulse is 0 throughout")
             continue
-        twins = [m for m, other in used.items() if other == function]
-        name = names.get(n, surface if len(twins) == 1 else f"{surface}_servo{n}")
         series = Series(np.asarray(table.t_s, float), value, "1")
         if surface == "throttle":
             flight.measured.setdefault("throttle", series._replace(value=np.clip(value, 0.0, 1.0)))
             continue
+        alone = list(used.values()).count(function) == 1
+        name = names.get(n, surface if alone else f"{surface}_servo{n}")
         flight.measured[f"command.{name}"] = series
-        _describe_surface(flight, name, surface, signs, n, (low, trim, high, reverse))
+        _describe_surface(flight, name, surface, signs, n, travel)
 
 
 def _describe_surface(
