@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from aerofdi.core import Flight, MissingChannel, Series, UnreadableFile, WrongUse
-from aerofdi.evaluate.requirements import Envelope, allowable, exit_time, load_envelopes, outside, widened
+from aerofdi.evaluate.requirements import (
+    Envelope,
+    allowable,
+    exit_time,
+    load_envelopes,
+    outside,
+    scaled,
+    widened,
+)
 
 DEG = math.pi / 180
 
@@ -54,7 +62,15 @@ def test_an_envelope_is_widened_by_what_the_healthy_aircraft_does():
         assert wide.theta == e.theta
         if math.isfinite(e.phi[1]):
             assert wide.phi[1] == pytest.approx(55 * DEG) and wide.assumed
-            assert wide.phi[0] == e.phi[0]
+            assert wide.phi[0] == pytest.approx(-55 * DEG)
+
+
+def test_a_small_aircraft_looks_less_far_ahead():
+    small = {e.name: e for e in scaled(load_envelopes(), 34.0 / 4)}
+    assert small["dynamic_roll"].horizon_s == pytest.approx(0.5)
+    assert small["unusual_attitude"] == load_envelopes()[0]
+    with pytest.raises(WrongUse):
+        scaled(load_envelopes(), 0.0)
 
 
 def test_truth_goes_before_measurements():

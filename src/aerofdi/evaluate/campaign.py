@@ -129,12 +129,17 @@ def rows(
     whole = {"healthy_s": s.healthy_s, "ok_share": s.ok_share, "false_alarms_s": list(s.false_alarms_s)}
     out = [common | whole | {"kind": "flight"}]
     for f in s.detections:
-        context = {
-            "bank": value_at(flight, "phi", f.start_s),
-            "airspeed": value_at(flight, "airspeed", f.start_s),
-        }
+        context = {"bank": value_at(flight, "phi", f.start_s), "about_trim": _about_trim(flight, f)}
         out.append(common | context | f._asdict() | {"others": list(f.others), "kind": "fault"})
     return out
+
+
+def _about_trim(flight: Flight, d: Detection) -> float:
+    """Size of the fault about trim where the flight says so, else NaN."""
+    for f in flight.meta.get("faults", ()):
+        if (f["target"], f["mode"], f["start_s"]) == (d.fault, d.mode, d.start_s):
+            return float(f.get("about_trim", math.nan))
+    return math.nan
 
 
 def _schema() -> Any:
@@ -146,7 +151,7 @@ def _schema() -> Any:
     return pa.schema(
         [("kind", text), ("aircraft", text), ("scenario", text), ("seed", pa.int64()), ("diagnoser", text)]
         + [("healthy_s", number), ("ok_share", number), ("false_alarms_s", pa.list_(number))]
-        + [("bank", number), ("airspeed", number), *fault, ("others", pa.list_(text))]
+        + [("bank", number), ("about_trim", number), *fault, ("others", pa.list_(text))]
     )
 
 

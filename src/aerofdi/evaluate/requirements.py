@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,8 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import Array, Flight, MissingChannel, UnreadableFile, WrongUse
+from ..dynamics.faults import Fault as PlantFault
+from ..scenarios import Scenario
 
 NO_LIMIT = (-math.inf, math.inf)
+TRANSPORT_SPAN = 34.0
+"""Span of the airliners the envelopes were drawn for, m (assumed: that of a Boeing 737)."""
 NEEDED = ("phi", "theta", "p", "q", "r")
 
 
@@ -50,6 +55,20 @@ class Allowable(NamedTuple):
         near = self.seconds[max(i - 1, 0) : i + 1]
         exact = np.isclose(self.sizes, size, rtol=0.0, atol=1e-12)
         return float(self.seconds[exact][0] if exact.any() else near.min())
+
+
+def scaled(envelopes: Iterable[Envelope], span: float) -> tuple[Envelope, ...]:
+    """Envelopes of a transport aircraft for one of another span (m), by dynamic (Froude) similarity.
+
+    Angles stay, times go with the square root of length: horizon_s * sqrt(span / TRANSPORT_SPAN). A small aircraft at
+    the same Froude number rolls and pitches that much faster, and one second ahead means nothing to it. Assumed.
+    """
+    if not span > 0:
+        raise WrongUse(f"a span of {span} m was given; it must be positive")
+    factor = math.sqrt(span / TRANSPORT_SPAN)
+    return tuple(
+        e._replace(horizon_s=e.horizon_s * factor, assumed=e.assumed or e.horizon_s > 0) for e in envelopes
+    )
 
 
 def _limits(row: Mapping, key: str) -> tuple[float, float]:
@@ -122,24 +141,22 @@ def widened(
 ) -> tuple[Envelope, ...]:
     """Envelopes that hold every healthy flight: a limit it passes is moved to `margin` times what it reached.
 
-    A limit the healthy aircraft passes in its own corners says nothing about a fault. Moved limits are marked
-    assumed.
+    A limit the healthy aircraft passes in its own corners says nothing about a fault. Bank is moved alike on both
+    sides: a track with right-hand corners only is healthy flown the other way too. Moved limits are marked assumed.
     """
     flights = [attitude(f)[1] for f in healthy]
     out = []
     for e in envelopes:
-        reached = [ahead(x, e.horizon_s) for x in flights]
-        moved = []
-        for limits, k in ((e.phi, 0), (e.theta, 1)):
-            low = min((float(r[k].min()) for r in reached), default=0.0)
-            high = max((float(r[k].max()) for r in reached), default=0.0)
-            moved.append(
-                (
-                    margin * low if low < limits[0] else limits[0],
-                    margin * high if high > limits[1] else limits[1],
-                )
-            )
-        out.append(e._replace(phi=moved[0], theta=moved[1], assumed=e.assumed or moved != [e.phi, e.theta]))
+        phi, theta = e.phi, e.theta
+        for x in flights:
+            bank, pitch = ahead(x, e.horizon_s)
+            far = margin * float(np.abs(bank).max())
+            if far / margin > max(-e.phi[0], e.phi[1]) or outside(e._replace(theta=NO_LIMIT), x).any():
+                phi = (min(phi[0], -far), max(phi[1], far))
+            low, high = margin * float(pitch.min()), margin * float(pitch.max())
+            theta = (min(theta[0], low) if low < margin * e.theta[0] else theta[0],
+                     max(theta[1], high) if high > margin * e.theta[1] else theta[1])  # fmt: skip
+        out.append(e._replace(phi=phi, theta=theta, assumed=e.assumed or (phi, theta) != (e.phi, e.theta)))
     return tuple(out)
 
 
@@ -159,3 +176,30 @@ def allowable(exits: Mapping[float, Iterable[float]]) -> Allowable:
         inner |= np.abs(sizes) < 1e-12
         seconds[i] = seconds[inner].min()
     return Allowable(sizes, seconds)
+
+
+def fly_exits(
+    scenario: Scenario,
+    fault: PlantFault,
+    sizes: Sequence[float],
+    onsets_s: Sequence[float],
+    envelopes: Sequence[Envelope],
+    after_s: float = 40.0,
+    progress: Callable[[str, float], None] | None = None,
+) -> dict[float, list[float]]:
+    """Exit times (s) of one kind of fault per size, from nonlinear flight with nobody knowing of the fault.
+
+    scenario: healthy; fault: its target, mode and `about` are used; sizes: in SI; onsets_s: one flight each, after_s
+    long after the onset. An exit that does not come within after_s is infinite.
+    """
+    from ..simulate import fly
+
+    out: dict[float, list[float]] = {}
+    for i, size in enumerate(sizes):
+        for onset in onsets_s:
+            now = fault._replace(value=size, start_s=onset, end_s=math.inf)
+            flight = fly(replace(scenario, faults=(*scenario.faults, now), duration_s=onset + after_s))
+            out.setdefault(size, []).append(exit_time(flight, onset, envelopes)[0])
+        if progress:
+            progress(f"allowable detection time: {i + 1} of {len(sizes)} sizes", (i + 1) / len(sizes))
+    return out

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -80,3 +80,19 @@ def summarise(
         estimate_error=bootstrap(np.array([abs(d.error) for d in hit]), confidence=confidence),
         ok_share=float(np.mean([s.ok_share for s in scores])) if scores else float("nan"),
     )
+
+
+def table(rows: Mapping[str, Summary], unit: float = 180.0 / np.pi) -> str:
+    """A Markdown table, one row a diagnoser; estimate errors times `unit` (default: rad shown in deg)."""
+    head = (
+        "| | faults | median delay (s) | missed | right surface | false alarms / h | healthy hours | "
+        "median estimate error (deg) | status OK |"
+    )
+    lines = [head, "|" + "---|" * 9]
+    for label, s in rows.items():
+        error = Interval(*(unit * x for x in s.estimate_error))
+        lines.append(
+            f"| {label} | {s.faults} | {s.delay_s} | {s.missed} | {s.isolated} | {s.false_alarms_per_hour} | "
+            f"{s.healthy_hours:.1f} | {error} | {s.ok_share:.4f} |"
+        )
+    return "\n".join(lines)

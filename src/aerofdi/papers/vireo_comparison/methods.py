@@ -88,12 +88,18 @@ def method_b(
     threshold: float = 5 * DEG,
     bandwidth: float = 10.0,
     speed_bandwidth: float = 1.0,
+    trim_shift: float = 0.0,
     name: str = "method_b",
 ) -> Diagnoser:
-    """Elevons estimated by two robust LPV filters against their actuator models, section 3.2."""
+    """Elevons estimated by two robust LPV filters against their actuator models, section 3.2.
+
+    trim_shift: rad, added to the trimmed elevator of the design, for an aircraft that trims elsewhere.
+    """
     delay = load_aircraft(aircraft).surface(PAIR[0]).delay
+    made = filters(design)
+    made = made._replace(params=made.params | {"trim.elevator": made.params["trim.elevator"] + trim_shift})
     return lpv_observer.from_design(
-        filters(design), PAIR, servos(aircraft), delay, DT_S, group="elevon", threshold=threshold,
+        made, PAIR, servos(aircraft), delay, DT_S, group="elevon", threshold=threshold,
         low_pass=bandwidth, speed_bandwidth=speed_bandwidth, name=name,
     )  # fmt: skip
 
