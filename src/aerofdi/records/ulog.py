@@ -14,27 +14,28 @@ from .log import Log, Topics, guarded, ordered, read_bytes, unreadable
 
 # Stamps above this (about 2001) count from 1970: a log of a simulation on the computer's clock.
 ABSOLUTE_US = 10**15
-MAX_IDLE = 300_000
+MAX_ENDS = 50
 
 
-class _Progressing(io.BytesIO):
-    """Bytes that end a parser which reads on and on without ever getting further.
+class _Ending(io.BytesIO):
+    """Bytes that end a parser which comes to their end again and again.
 
     pyulog steps back by the length a header claims even where fewer bytes were left, so it never ends on some
     files that are cut off within their definitions.
     """
 
-    furthest = 0
-    idle = 0
+    ends = 0
 
     def read(self, size: int | None = -1, /) -> bytes:
-        out = super().read(size)
-        here = self.tell()
-        self.idle = 0 if here > self.furthest else self.idle + 1
-        self.furthest = max(self.furthest, here)
-        if self.idle > MAX_IDLE:
-            raise EOFError("cut off or damaged within its definitions")
+        out = _read(self, size)
+        if size is not None and len(out) < size:
+            self.ends += 1
+            if self.ends > MAX_ENDS:
+                raise EOFError("cut off or damaged within its definitions")
         return out
+
+
+_read = io.BytesIO.read
 
 
 def euler(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
@@ -102,9 +103,9 @@ def read_ulog(path: Path, topics: Topics) -> Log:
     data = read_bytes(path)
     with guarded(path, "ULog"):
         names = None if topics is None else sorted({topic.partition(":")[0] for topic in topics})
-        log = ULog(_Progressing(data), names, disable_str_exceptions=True)
+        log = ULog(_Ending(data), names, disable_str_exceptions=True)
         absolute = int(log.start_timestamp) > ABSOLUTE_US
-        zero = _earliest(ULog(_Progressing(data), None, disable_str_exceptions=True)) if absolute else 0
+        zero = _earliest(ULog(_Ending(data), None, disable_str_exceptions=True)) if absolute else 0
         tables, seen = {}, {}
         for topic in log.data_list:
             name = topic.name if topic.multi_id == 0 else f"{topic.name}:{topic.multi_id}"
@@ -132,7 +133,7 @@ def _empty(path: Path, data: bytes) -> Log:
     from pyulog import ULog
 
     with guarded(path, "ULog"):
-        log = ULog(_Progressing(data), disable_str_exceptions=True)
+        log = ULog(_Ending(data), disable_str_exceptions=True)
         seen = {topic.name: len(topic.data["timestamp"]) for topic in log.data_list}
     if not seen:
         raise unreadable(path, "holds no data: it is cut off before the first message, or nothing was logged")
