@@ -19,9 +19,10 @@ def fresh(series: Series) -> Series:
     t, v = t[keep], v[keep]
     if len(t) > 1:
         new = np.concatenate(([True], np.diff(t) > 0))
-        if series.repeats:
-            new &= np.concatenate(([True], np.diff(v) != 0))
         t, v = t[new], v[new]
+        if series.repeats:
+            new = np.concatenate(([True], np.diff(v) != 0))
+            t, v = t[new], v[new]
     return series._replace(t_s=t, value=v)
 
 

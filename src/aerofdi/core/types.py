@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+# float64 by convention; numpy infers narrower and wider float types than a reader cares about.
+Array = NDArray[Any]
 
 
 class Series(NamedTuple):
@@ -173,20 +174,20 @@ class Verdict(NamedTuple):
     """What a diagnoser says; NaN means "I do not say". One instant, or a run with a leading time axis (n, ...).
 
     detected: bool. active: (nh,) bool, several may hold; all false while detected = faulty but not isolated.
-    score, estimate, estimate_std: (nh,), the last two in each hypothesis's unit. residual, threshold: (nr,).
+    score, estimate, estimate_std: (nh,) float, the last two in each hypothesis's unit. residual, threshold: (nr,).
     excitation: (nu,) to be added to the commands one sample later. request: a Request. status: a Status.
     """
 
-    detected: NDArray[np.bool_]
-    active: NDArray[np.bool_]
+    detected: Array
+    active: Array
     score: Array
     estimate: Array
     estimate_std: Array
     residual: Array
     threshold: Array
     excitation: Array
-    request: NDArray[np.int64]
-    status: NDArray[np.int64]
+    request: Array
+    status: Array
 
 
 class Diagnoser(NamedTuple):

@@ -22,7 +22,7 @@ from __future__ import annotations
 from ..core.types import Array, Verdict
 from ..parts.ops import lean, maximum, sqrt
 from .effectiveness_evidence import correlation, evidence, fresh
-from .effectiveness_filters import advance, input_status, outside, restart
+from .effectiveness_filters import advance, input_status, outside, rates_are_new, restart
 from .effectiveness_types import (
     ACTIVE,
     CLOCK,
@@ -167,15 +167,16 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
     for i in range(params.b.shape[0]):
         state.innovation[i] = z[params.rate_at[i]] - state.x[i, 0]
     state.scalars[CLOCK] += params.dt
+    seen = rates_are_new(params, age)
     if state.scalars[CLOCK] < params.settle:
         status = NOT_READY
     elif outside(params, state, z):
         status = OUTSIDE
-    else:
+    elif seen:
         lead = evidence(params, state)
         _decide(params, state, fresh(params, state, z, lead))
     _write(params, state, out, k, status)
-    advance(params, state, z)
+    advance(params, state, z, seen)
 
 
 @lean

@@ -56,8 +56,12 @@ def restart(params: Params, state: State, z: Array) -> None:
 
 
 @lean
-def advance(params: Params, state: State, z: Array) -> None:
-    """Move every filter one step with this sample; the innovations were used before."""
+def advance(params: Params, state: State, z: Array, seen: bool) -> None:
+    """Move every filter one step with this sample; the innovations were used before.
+
+    seen: whether the rates are new. A held rate is no measurement: the filters then predict without correction.
+    """
+    weight = 1.0 if seen else 0.0
     na, ng = params.b.shape
     if params.speed_at >= 0:
         now = z[params.speed_at] / params.v0
@@ -78,14 +82,14 @@ def advance(params: Params, state: State, z: Array) -> None:
         for j in range(ng):
             push = v * v * params.b[i, j]
             moment += params.b[i, j] * state.held[j]
-            rate_filter_step(ad, bd, k, state.xl[j, i], -push * state.held[j], -state.xl[j, i, 0])
-            rate_filter_step(ad, bd, k, state.xp[j, i], push, -state.xp[j, i, 0])
+            rate_filter_step(ad, bd, k, state.xl[j, i], -push * state.held[j], -weight * state.xl[j, i, 0])
+            rate_filter_step(ad, bd, k, state.xp[j, i], push, -weight * state.xp[j, i, 0])
         # What one per cent more airspeed than measured or assumed would add, in per cent.
         faster = 2.0 * v * v * moment + v * damping
-        rate_filter_step(ad, bd, k, state.xm[i], faster, -state.xm[i, 0])
+        rate_filter_step(ad, bd, k, state.xm[i], faster, -weight * state.xm[i, 0])
         known = v * damping - params.a[i] * w + v * v * moment
-        rate_filter_step(ad, bd, k, state.x[i], known, w - state.x[i, 0])
-        rate_filter_step(ad, bd, k, state.y[i], known, w - state.y[i, 0])
+        rate_filter_step(ad, bd, k, state.x[i], known, weight * (w - state.x[i, 0]))
+        rate_filter_step(ad, bd, k, state.y[i], known, weight * (w - state.y[i, 0]))
 
 
 @lean
@@ -98,3 +102,12 @@ def outside(params: Params, state: State, z: Array) -> bool:
         if not params.limit_low[j] <= state.slow[j] <= params.limit_high[j]:
             outside = True
     return outside
+
+
+@lean
+def rates_are_new(params: Params, age: Array) -> bool:
+    """Whether every rate was measured within the last one and a half samples."""
+    new = True
+    for i in range(len(params.rate_at)):
+        new = new and age[params.rate_at[i]] <= 1.5 * params.dt
+    return new

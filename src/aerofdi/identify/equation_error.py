@@ -68,7 +68,7 @@ def explained(y: Array, x: Array, theta: Array) -> float:
 
 def scan(training: Training) -> tuple[float, float, list[Array]]:
     """(delay_s, lag_s, theta per axis) with the largest joint likelihood over all axes."""
-    best = (math.inf, 0.0, 0.0, [])
+    best: tuple[float, float, float, list[Array]] = (math.inf, 0.0, 0.0, [])
     for delay in DELAYS_S:
         cost, thetas = 0.0, []
         for axis in range(len(training.rates)):

@@ -50,7 +50,7 @@ def rate_filter(a: float, noise: Disturbance, dt_s: float) -> RateFilter:
     # Scaled so that the measurement noise is one: the Riccati solver then sees numbers of similar size.
     r = max(noise.s_v**2, 1e-12)
     q = q / r + 1e-12 * np.eye(3)
-    p = solve_discrete_are(ad.T, np.array([[1.0], [0.0], [0.0]]), q, np.array([[1.0]]))
+    p = solve_discrete_are(ad.T, np.array([[1.0], [0.0], [0.0]]), q, np.array([[1.0]]), balanced=False)
     s = p[0, 0] + 1.0
     return RateFilter(ad, bd[:, 0].copy(), p[:, 0] / s, float(s * r))
 

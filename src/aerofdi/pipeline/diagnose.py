@@ -52,7 +52,7 @@ def diagnose(
     reference = _reference(healthy_flight, span, profile, say) if healthy_flight is not None else None
     out = []
     for item in flights:
-        flight = item if isinstance(item, Flight) else read(item, profile)
+        flight = item if isinstance(item, Flight) else read(os.fspath(item), profile)
         name = flight.name if isinstance(item, Flight) else os.fspath(item)
         out.append(_one(name, flight, wanted, model, span, reference, window, say))
     return out
@@ -61,7 +61,7 @@ def diagnose(
 def _reference(
     source: str | os.PathLike[str] | Flight, span: Span | None, profile: str | None, say: Progress
 ) -> Trained:
-    flight = source if isinstance(source, Flight) else read(source, profile)
+    flight = source if isinstance(source, Flight) else read(os.fspath(source), profile)
     spans = [span] if span else flown(flight)[0]
     if not spans:
         raise CannotJudge(

@@ -74,7 +74,7 @@ def events(r: Run) -> list[dict[str, Any]]:
     active = np.where(v.detected, v.active.argmax(axis=1) * v.active.any(axis=1), -1)
     stable = max(1, round(STABLE_S / d.dt_s))
     named = -1
-    for k in np.flatnonzero(np.diff(np.concatenate(([-1], active))) != 0):
+    for k in map(int, np.flatnonzero(np.diff(np.concatenate(([-1], active))) != 0)):
         was = active[k - 1] if k else -1
         now = int(active[k])
         if was < 0 and now >= 0:
