@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import os
 import struct
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,15 +11,6 @@ import numpy as np
 import pytest
 
 ABSOLUTE_S = 1_600_000_000
-
-
-@pytest.fixture(scope="session")
-def flights() -> Path:
-    """The folder of real flights; skips where the environment does not name it."""
-    root = os.environ.get("AEROFDI_DATA")
-    if not root or not (Path(root) / "flights").is_dir():
-        pytest.skip("AEROFDI_DATA does not name a folder that holds flights/")
-    return Path(root) / "flights"
 
 
 # --- PX4 ULog -------------------------------------------------------------------------------------------------
