@@ -21,7 +21,8 @@ from aerofdi.dynamics.linearise import (
     modes,
 )
 from aerofdi.dynamics.plant import PlantParams, derivative, outputs, step
-from aerofdi.dynamics.trim import NoTrim, trim, trimmable_range
+from aerofdi.dynamics.stuck_range import trimmable_range
+from aerofdi.dynamics.trim import NoTrim, trim
 from aerofdi.dynamics.types import HEALTHY_EFFECTS, STILL_AIR
 
 DEG = math.pi / 180.0
@@ -261,6 +262,10 @@ def test_what_cannot_be_trimmed_says_why() -> None:
         trim(a, 6.0)
     with pytest.raises(WrongUse, match="too few"):
         trim(a, stuck={"elevon_left": 0.0})
+    with pytest.raises(WrongUse, match="undetermined"):
+        trim(a, free=("airspeed",))  # both elevons work: any airspeed would do
+    with pytest.raises(WrongUse, match="must be shorter"):
+        trim(load_aircraft("ducard"), free=("airspeed",))
     with pytest.raises(WrongUse, match="accepted: airspeed"):
         trim(a, free=("heading",))
     with pytest.raises(WrongUse, match="not both"):
@@ -294,6 +299,15 @@ def test_range_of_stuck_elevon_angles_of_the_vireo() -> None:
     assert found.released == "airspeed"
     left = trimmable_range(a, "elevon_left")
     assert (left.low, left.high) == pytest.approx((found.low, found.high), abs=1e-3)
+
+
+def test_range_of_stuck_elevator_angles_is_that_of_the_airspeeds() -> None:
+    """Without its elevator an aircraft has one airspeed for each stuck angle: the range is that of the envelope."""
+    a = load_aircraft("aerosonde")
+    found = trimmable_range(a, "elevator")
+    slow, fast = (trim(a, V).commands["elevator"] for V in (16.0, 35.0))
+    assert (found.low, found.high) == pytest.approx((slow, fast), abs=2e-4)
+    assert found.released == "airspeed"
 
 
 def test_a_redundant_surface_may_be_stuck_anywhere() -> None:

@@ -3,8 +3,9 @@
 from .build import fuel_capacity, plant_params, surfaces_tuple
 from .linearise import LinearModel, LPVGrid, Mode, linearise, lpv_grid, modes
 from .plant import PlantParams, derivative, outputs, rk4_step, step, thrust
+from .stuck_range import StuckRange, trimmable_range
 from .summary import Summary, summary, summary_lines
-from .trim import NoTrim, StuckRange, Trim, trim, trimmable_range
+from .trim import NoTrim, Trim, trim
 from .types import HEALTHY_EFFECTS, STILL_AIR, Effects, Outputs, State, Wind
 
 __all__ = [

@@ -2,18 +2,19 @@
 
 Solved for: angle of attack, sideslip, bank, pitch, throttle, engine state and the classic commands the free surfaces
 still answer, so that all accelerations vanish and the path climbs at the given angle. With three independent commands
-the sideslip is prescribed (zero unless given); with two it follows. With fewer, a condition must be given up: `free`.
+the sideslip is prescribed (zero unless given); with two it follows. With fewer, a condition must be given up: `free`,
+which then takes the place of a command.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..aircraft import Aircraft
-from ..core.errors import CannotJudge, WrongUse
+from ..core.errors import WrongUse
 from ..core.types import Array
 from ..parts.ops import atan2, cos, pi, sin
 from .build import fuel_capacity, plant_params, surfaces_tuple
@@ -26,7 +27,7 @@ TOLERANCE = 1e-8
 FREE = ("airspeed", "turn_rate", "climb_angle")
 
 
-class NoTrim(CannotJudge):
+class NoTrim(WrongUse):
     """No steady flight meets the conditions within the limits of surfaces, throttle and envelope."""
 
 
@@ -71,20 +72,7 @@ class _Unknown(NamedTuple):
     high: float
 
 
-class StuckRange(NamedTuple):
-    """Angles of one stuck surface at which steady straight level flight exists, rad; nominal is its healthy trim.
-
-    released: what had to be given up, "airspeed" or "" (the airspeed asked for is held).
-    """
-
-    surface: str
-    low: float
-    high: float
-    nominal: float
-    released: str
-
-
-def _mixing(aircraft: Aircraft, stuck: Mapping[str, float]) -> tuple[Array, Array, list[str]]:
+def mixing(aircraft: Aircraft, stuck: Mapping[str, float]) -> tuple[Array, Array, list[str]]:
     """Deflections = base + matrix @ commands, with only independent commands of the free surfaces kept."""
     base = np.zeros(len(aircraft.surfaces))
     names = [c for c in ("elevator", "aileron", "rudder") if any(c in s.command for s in aircraft.surfaces)]
@@ -193,25 +181,18 @@ def trim(
     params = plant_params(aircraft) if params is None else params
     _check_free(free, bank, turn_rate)
     stuck = stuck or {}
-    base, matrix, commands = _mixing(aircraft, stuck)
+    base, matrix, commands = mixing(aircraft, stuck)
     fixed = {
         "airspeed": airspeed or aircraft.number("reference.airspeed"),
         "climb_angle": climb_angle,
         "turn_rate": turn_rate,
         "bank": bank,
-        # Three commands leave the sideslip to choose.
-        "sideslip": (sideslip or 0.0) if len(commands) > 2 else None,
+        # Three commands, or two and a condition given up, leave the sideslip to choose.
+        "sideslip": (sideslip or 0.0) if len(commands) + len(free) > 2 else None,
     }
-    if sideslip is not None and fixed["sideslip"] is None and sideslip != 0.0:
-        raise WrongUse(f"aircraft {aircraft.name!r}: sideslip cannot be chosen with the commands {commands}")
+    _check_count(aircraft, stuck, commands, free, sideslip)
     h = aircraft.number("reference.altitude") if altitude is None else altitude
     unknowns = _unknowns(aircraft, params, fixed, commands, free)
-    equations = 7 + any(u.name == "engine" for u in unknowns)
-    if len(unknowns) < equations:
-        raise WrongUse(
-            f"aircraft {aircraft.name!r}: with {sorted(stuck)} stuck only the commands {commands} remain, too few to "
-            f"hold every condition; free one of {', '.join(FREE)}"
-        )
     known = {k: float(v) for k, v in fixed.items() if v is not None}
     known |= {"phi": known.pop("bank", 0.0), "beta": known.pop("sideslip", 0.0), "engine": 0.0}
     problem = _Problem(
@@ -225,7 +206,7 @@ def trim(
         commands,
         effects,
     )
-    return problem.solve(aircraft)
+    return problem.solve(aircraft, free)
 
 
 def _check_free(free: tuple[str, ...], bank: float | None, turn_rate: float) -> None:
@@ -234,6 +215,29 @@ def _check_free(free: tuple[str, ...], bank: float | None, turn_rate: float) -> 
             raise WrongUse(f"free has {name!r}; accepted: {', '.join(FREE)}")
     if bank is not None and (turn_rate != 0.0 or "turn_rate" in free):
         raise WrongUse("give bank or turn_rate, not both: the other follows")
+
+
+def _check_count(
+    aircraft: Aircraft,
+    stuck: Mapping[str, float],
+    commands: list[str],
+    free: tuple[str, ...],
+    sideslip: float | None,
+) -> None:
+    """As many unknowns as equations, sideslip counted where it is not prescribed."""
+    who = f"aircraft {aircraft.name!r}"
+    freedom = len(commands) + len(free)
+    if freedom < 2:
+        raise WrongUse(
+            f"{who}: with {sorted(stuck)} stuck only the commands {commands} remain, too few to hold every condition; "
+            f"free one of {', '.join(FREE)}"
+        )
+    if freedom > 3:
+        raise WrongUse(
+            f"{who}: the commands {commands} hold every condition; free must be shorter than {free}"
+        )
+    if freedom == 2 and sideslip:
+        raise WrongUse(f"{who}: sideslip cannot be chosen with only the commands {commands}")
 
 
 class _Problem(NamedTuple):
@@ -267,7 +271,7 @@ class _Problem(NamedTuple):
             out.append(k.engine / max(1.0, abs(value["engine"])))
         return np.array(out)
 
-    def solve(self, aircraft: Aircraft) -> Trim:
+    def solve(self, aircraft: Aircraft, free: tuple[str, ...]) -> Trim:
         from scipy.optimize import least_squares
 
         low, high = (np.array([getattr(u, k) for u in self.unknowns]) for k in ("low", "high"))
@@ -285,6 +289,8 @@ class _Problem(NamedTuple):
                 xtol=1e-15,
                 ftol=1e-15,
                 gtol=1e-15,
+                # Where there is a trim a dozen steps find it; where there is none the search need not be long.
+                max_nfev=40,
             )
             polished = self._newton(found.x, low, high, scale)
             size = float(np.abs(self.residual(polished)).max())
@@ -293,19 +299,32 @@ class _Problem(NamedTuple):
             if size < TOLERANCE:
                 break
         assert best is not None
+        if (
+            free
+            and best[0] < TOLERANCE
+            and np.linalg.matrix_rank(self.slopes(best[1], scale), tol=1e-6) < len(scale)
+        ):
+            raise WrongUse(
+                f"aircraft {aircraft.name!r}: the commands {self.commands} hold every condition, so freeing "
+                f"{', '.join(free)} leaves the flight undetermined"
+            )
         return self._result(aircraft, *best)
+
+    def slopes(self, x: Array, scale: Array) -> Array:
+        """Derivatives of the residual to the unknowns, each over its scale."""
+        columns = []
+        for j in range(len(x)):
+            step = np.zeros(len(x))
+            step[j] = 1e-6 * scale[j]
+            columns.append((self.residual(x + step) - self.residual(x - step)) / 2e-6)
+        return np.array(columns).T
 
     def _newton(self, x: Array, low: Array, high: Array, scale: Array) -> Array:
         """A few full Newton steps: a bounded least-squares solver stops short of the last digits."""
         for _ in range(4):
             r = self.residual(x)
-            h = 1e-6 * scale
-            columns = []
-            for j in range(len(x)):
-                step = np.zeros(len(x))
-                step[j] = h[j]
-                columns.append((self.residual(x + step) - self.residual(x - step)) / (2.0 * h[j]))
-            new = np.clip(x - np.linalg.lstsq(np.array(columns).T, r, rcond=None)[0], low, high)
+            change = scale * np.linalg.lstsq(self.slopes(x, scale), r, rcond=None)[0]
+            new = np.clip(x - change, low, high)
             if not np.abs(self.residual(new)).max() < np.abs(r).max():
                 return x
             x = new
@@ -336,52 +355,3 @@ class _Problem(NamedTuple):
             value["airspeed"], self.altitude, value["climb_angle"], value["turn_rate"],
             value["alpha"], value["beta"], phi, theta, size,
         )  # fmt: skip
-
-
-def trimmable_range(
-    aircraft: Aircraft, surface: str, airspeed: float | None = None, altitude: float | None = None
-) -> StuckRange:
-    """Angles at which `surface` may be stuck and the aircraft still has steady, straight, level flight.
-
-    Held at `airspeed` where the other surfaces can; where they cannot, at any airspeed of the aircraft's envelope,
-    which `released` then says. The ends are found to 1e-4 rad by bisection outwards from the healthy trim.
-    """
-    params = plant_params(aircraft)
-    index = aircraft.surface_index(surface)
-    healthy = trim(aircraft, airspeed, altitude, params=params)
-    nominal = healthy.surfaces[index]
-    _, _, commands = _mixing(aircraft, {surface: nominal})
-    _, _, before = _mixing(aircraft, {})
-    free = ("airspeed",) if len(commands) < 2 or ("elevator" in before and "elevator" not in commands) else ()
-
-    def flies(angle: float) -> bool:
-        try:
-            trim(aircraft, airspeed, altitude, stuck={surface: angle}, free=free, params=params)
-        except NoTrim:
-            return False
-        return True
-
-    limits = aircraft.surfaces[index]
-    low, high = (_last(flies, nominal, end) for end in (limits.lower, limits.upper))
-    return StuckRange(surface, low, high, nominal, free[0] if free else "")
-
-
-def _last(flies: Any, inside: float, outside: float) -> float:
-    """The last angle from inside towards outside at which it flies."""
-    if flies(outside):
-        return outside
-    while abs(outside - inside) > 1e-4:
-        middle = 0.5 * (inside + outside)
-        if flies(middle):
-            inside = middle
-        else:
-            outside = middle
-    return inside
-
-
-def bank_of_turn(airspeed: float, turn_rate: float, gravity: float = 9.80665) -> float:
-    """Bank of a level coordinated turn, rad."""
-    return atan2(airspeed * turn_rate, gravity)
-
-
-__all__ = ["NoTrim", "StuckRange", "Trim", "bank_of_turn", "trim", "trimmable_range"]

@@ -9,7 +9,7 @@ from functools import cache
 
 from ...aircraft import load_aircraft
 from ...dynamics.faults import Fault
-from ...dynamics.trim import trimmable_range
+from ...dynamics.stuck_range import trimmable_range
 from ...evaluate.requirements import (
     Allowable,
     Envelope,
