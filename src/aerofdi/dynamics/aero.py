@@ -8,7 +8,7 @@ Symbols: alpha angle of attack, beta sideslip, p^ = p b/2V, q^ = q c/2V, r^ = r 
     Cm = Cm_0 + Cm_alpha alpha + Cm_q q^ + sum Cm_i d_i
 
 s is the sigmoid of Beard & McLain, Small Unmanned Aircraft, (4.9), with rate M and angle alpha_0. Icing multiplies
-every coefficient C by 1 + eta K_C (see icing.py). Each surface has its own column of six control derivatives.
+every coefficient C by 1 + eta K_C. Each surface has its own column of six control derivatives.
 Not modelled: unsteady aerodynamics beyond alpha-dot derivatives, hysteresis of the stall, propeller wash.
 """
 
