@@ -109,6 +109,15 @@ def test_what_is_missing_is_named(flight):
         identify([(flight, 0.0, 6.0)])
 
 
+def test_a_fitted_sign_that_contradicts_the_profile_is_said(flight):
+    right = {"aileron": {"roll": 1}, "elevator": {"pitch": -1}}
+    wrong = {"aileron": {"roll": -1}, "elevator": {"pitch": -1}}
+    for signs, count in ((right, 0), (wrong, 1)):
+        f = Flight(flight.measured, meta={"surface_signs": signs})
+        notes = [n for n in identify([(f, 0.0, 60.0)]).notes if "contradicts" in n]
+        assert len(notes) == count and all("aileron" in n and "roll" in n for n in notes)
+
+
 @pytest.mark.data
 def test_a_real_flight_fits_as_well_as_its_turbulence_allows(flights):
     from aerofdi.records import read

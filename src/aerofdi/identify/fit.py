@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..aircraft.identified import AxisModel, IdentifiedModel
+from ..aircraft.identified import AxisModel, IdentifiedModel, SurfaceGroup
 from ..core.errors import CannotJudge
 from ..core.types import Array
 from . import equation_error as ee
@@ -48,6 +48,7 @@ def identify(
     fits = [_refit(training, i, delay, lag) for i in axes]
     models = tuple(_axis(training, i, fits[i], delay, lag) for i in axes)
     groups, notes = _judge_groups(training, models)
+    notes += contradictions(groups, models, spans[0][0].meta.get("surface_signs", {}))
     return IdentifiedModel(
         name=name,
         dt_s=training.dt_s,
@@ -123,7 +124,9 @@ def _held_out(training: Training, axis: int, fit: fe.AxisFit, delay: float, lag:
     return fe.simulation_r2(early, late, training.dt_s)
 
 
-def _judge_groups(training: Training, axes: tuple[AxisModel, ...]) -> tuple[tuple, tuple[str, ...]]:
+def _judge_groups(
+    training: Training, axes: tuple[AxisModel, ...]
+) -> tuple[tuple[SurfaceGroup, ...], tuple[str, ...]]:
     """Mark groups no axis answers, and say in words what could not be told apart."""
     groups, notes = [], list(training.notes)
     for g in training.groups:
@@ -139,6 +142,32 @@ def _judge_groups(training: Training, axes: tuple[AxisModel, ...]) -> tuple[tupl
         if len(g.channels) > 1:
             notes.append(f"{', '.join(g.channels)} always moved together: judged as one group, {g.name}")
     return tuple(groups), tuple(notes)
+
+
+def contradictions(
+    groups: tuple[SurfaceGroup, ...], axes: tuple[AxisModel, ...], signs: dict[str, dict[str, int]]
+) -> tuple[str, ...]:
+    """One sentence for every fitted sign that significantly contradicts what the profile says of the surface.
+
+    signs: surface -> {"roll" | "pitch" | "yaw": +1 or -1}, the direction of the rate a positive command asks for.
+    """
+    axis_of = {"p": "roll", "q": "pitch", "r": "yaw"}
+    out = []
+    for g in groups:
+        surface = g.channels[0].removeprefix("command.")
+        for a in axes:
+            stated = signs.get(surface, {}).get(axis_of[a.rate])
+            name = f"command.{g.name}"
+            fitted, std = a.coefficient(name), a.deviation(name)
+            # The group moves along its first surface where that one's weight is positive.
+            along = math.copysign(1.0, g.weights[0]) * fitted
+            if stated and abs(fitted) > SIGNIFICANT * std and along * stated < 0:
+                out.append(
+                    f"sign contradicts the profile: a positive {surface} command should turn {axis_of[a.rate]} "
+                    f"{'+' if stated > 0 else '-'}, the fit says {along:+.2f} +- {std:.2f}; check [surfaces] and "
+                    f"signs of the profile, or whether a missing signal (angle of attack) takes part"
+                )
+    return tuple(out)
 
 
 def _envelope(training: Training, spans: Spans) -> dict[str, tuple[float, float]]:
