@@ -51,7 +51,9 @@ def test_a_real_stuck_elevon_is_found_named_and_measured(elevon):
 def test_the_second_stuck_position_is_followed_in_direction(elevon):
     """Its size is not: airspeed grows from 17 to 25 m/s in the dive, unmeasured, and pulls the estimate down."""
     r = result(elevon)
-    i = 1 + [h.mode == "stuck" and h.fault == "elevon_right" for h in r.run.diagnoser.hypotheses[1:]].index(True)
+    i = 1 + [h.mode == "stuck" and h.fault == "elevon_right" for h in r.run.diagnoser.hypotheses[1:]].index(
+        True
+    )
     servo = elevon.flight.meta["servos"]["elevon_right"]
 
     def at(t0, t1):

@@ -1,5 +1,6 @@
 """Healthy flight in, an identified aircraft out. See README.md of this room."""
 
 from .fit import identify
+from .published import from_aircraft
 
-__all__ = ["identify"]
+__all__ = ["from_aircraft", "identify"]

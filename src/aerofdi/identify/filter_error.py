@@ -67,15 +67,19 @@ def innovation_responses(
     return out
 
 
-class _Columns(NamedTuple):
+class Columns(NamedTuple):
+    """One axis as a table: rate (n,), own = (V - 1) w, inputs (n, m) with free coefficients, known (n,) acceleration
+    with given ones, starts of segments and the samples to use (n,)."""
+
     rate: Array
     own: Array
     inputs: Array
+    known: Array
     starts: Array
     use: Array
 
 
-def columns(training: Training, axis: int, delay_s: float, lag_s: float) -> _Columns:
+def columns(training: Training, axis: int, delay_s: float, lag_s: float) -> Columns:
     """All segments in one table; `own` is (V - 1) w, the part of the damping that airspeed changes."""
     parts = []
     for s in training.segments:
@@ -83,8 +87,8 @@ def columns(training: Training, axis: int, delay_s: float, lag_s: float) -> _Col
         n = len(s.t)
         starts = np.arange(n) == 0
         use = np.arange(n) * training.dt_s >= SETTLE_S
-        parts.append((s.rates[:, axis], (s.speed - 1.0) * s.rates[:, axis], x, starts, use))
-    return _Columns(*(np.concatenate(p) for p in zip(*parts, strict=True)))
+        parts.append((s.rates[:, axis], (s.speed - 1.0) * s.rates[:, axis], x, np.zeros(n), starts, use))
+    return Columns(*(np.concatenate(p) for p in zip(*parts, strict=True)))
 
 
 def _filter(search: Array, dt: float) -> tuple[float, Disturbance, RateFilter]:
@@ -93,16 +97,16 @@ def _filter(search: Array, dt: float) -> tuple[float, Disturbance, RateFilter]:
     return a, noise, rate_filter(a, noise, dt)
 
 
-def _responses(search: Array, c: _Columns, dt: float) -> tuple[float, Disturbance, RateFilter, Array]:
+def _responses(search: Array, c: Columns, dt: float) -> tuple[float, Disturbance, RateFilter, Array]:
     a, noise, f = _filter(search, dt)
-    response = innovation_responses(f.ad, f.bd, f.k, c.inputs, a * c.own, c.rate, c.starts)
+    response = innovation_responses(f.ad, f.bd, f.k, c.inputs, c.known + a * c.own, c.rate, c.starts)
     if not np.isfinite(response).all():
         raise np.linalg.LinAlgError("the filter of these search values is not finite")
     return a, noise, f, response
 
 
 def _cost(
-    search: Array, c: _Columns, dt: float, damping: tuple[float, float], gust: tuple[float, float]
+    search: Array, c: Columns, dt: float, damping: tuple[float, float], gust: tuple[float, float]
 ) -> float:
     if np.any(np.abs(search) > 18.0) or search[1] < math.log(SHORTEST_GUST_S):
         return 1e12
@@ -118,13 +122,18 @@ def _cost(
     return 0.5 * len(y) * math.log(max(variance, 1e-18)) + penalty
 
 
-def search_axis(c: _Columns, dt: float, rate: str, command_period_s: float = 0.0) -> Array:
-    """log(-a), log T_d, log s_d/s_v, log s_c/s_v of largest likelihood (Nelder-Mead from two starts)."""
+def search_axis(
+    c: Columns, dt: float, rate: str, command_period_s: float = 0.0, damping: float | None = None
+) -> Array:
+    """log(-a), log T_d, log s_d/s_v, log s_c/s_v of largest likelihood (Nelder-Mead from two starts).
+
+    damping: -a in 1/s where it is known, to be kept.
+    """
     from scipy.optimize import minimize
 
     n = min(len(c.rate), SEARCH_SAMPLES)
-    part = _Columns(*(x[:n] for x in c))
-    prior = DAMPING[rate]
+    part = Columns(*(x[:n] for x in c))
+    prior = DAMPING[rate] if damping is None else (math.log(damping), 0.01)
     gust = GUST_TIME["slow" if command_period_s > 0.2 else "fast"]
     starts = ([prior[0], math.log(0.3), 5.0, 1.0], [prior[0], math.log(1.5), 3.0, 0.0])
     options: Any = {"maxiter": 250, "xatol": 0.03, "fatol": 0.1}
@@ -135,7 +144,7 @@ def search_axis(c: _Columns, dt: float, rate: str, command_period_s: float = 0.0
     return np.asarray(min(found, key=lambda r: r.fun).x)
 
 
-def solve_axis(search: Array, c: _Columns, dt: float) -> AxisFit:
+def solve_axis(search: Array, c: Columns, dt: float) -> AxisFit:
     """The linear part for given search values: theta, its covariance, the noise in physical units."""
     a, noise, f, response = _responses(search, c, dt)
     x, y = response[c.use, :-1], response[c.use, -1]
@@ -149,11 +158,11 @@ def solve_axis(search: Array, c: _Columns, dt: float) -> AxisFit:
     return AxisFit(a, theta, covariance, scaled, math.sqrt(variance), cost, search)
 
 
-def simulated(fit: AxisFit, c: _Columns, dt: float) -> Array:
+def simulated(fit: AxisFit, c: Columns, dt: float) -> Array:
     """The rate that commands, air angles and the other measured rates explain alone: no feedback of the rate."""
     from scipy.signal import lfilter
 
-    u = c.inputs @ fit.theta + fit.a * c.own
+    u = c.inputs @ fit.theta + c.known + fit.a * c.own
     pole = math.exp(fit.a * dt)
     out = np.empty(len(u))
     for i, j in zip(*_bounds(c.starts), strict=True):
@@ -166,7 +175,7 @@ def _bounds(starts: Array) -> tuple[list[int], list[int]]:
     return list(first), [*first[1:], len(starts)]
 
 
-def simulation_r2(fit: AxisFit, c: _Columns, dt: float) -> float:
+def simulation_r2(fit: AxisFit, c: Columns, dt: float) -> float:
     """R2 of the simulated against the measured rate (mean removed), settled samples only."""
     e = (c.rate - simulated(fit, c, dt))[c.use]
     return float(1.0 - np.var(e) / np.var(c.rate[c.use]))

@@ -100,6 +100,7 @@ def _axis(training: Training, axis: int, fit: fe.AxisFit, delay: float, lag: flo
     covariance[0, 0] = (0.1 * fit.a) ** 2
     y, x = ee.stacked(training, axis, delay, lag)
     least = np.linalg.lstsq(x, y, rcond=None)[0]
+    c = fe.columns(training, axis, delay, lag)
     return AxisModel(
         rate=training.rates[axis],
         names=names,
@@ -107,18 +108,17 @@ def _axis(training: Training, axis: int, fit: fe.AxisFit, delay: float, lag: flo
         covariance=covariance,
         noise=fit.noise,
         innovation_std=fit.innovation_std,
-        r2=fe.simulation_r2(fit, fe.columns(training, axis, delay, lag), training.dt_s),
+        r2=fe.simulation_r2(fit, c, training.dt_s),
         r2_acceleration=ee.explained(y, x, least),
-        r2_held_out=_held_out(training, axis, fit, delay, lag),
+        r2_held_out=_held_out(training, axis, fit, c),
     )
 
 
-def _held_out(training: Training, axis: int, fit: fe.AxisFit, delay: float, lag: float) -> float:
+def _held_out(training: Training, axis: int, fit: fe.AxisFit, c: fe.Columns) -> float:
     """Simulation R2 on the last 30 % of the training with coefficients from the first 70 %."""
-    c = fe.columns(training, axis, delay, lag)
     cut = int((1.0 - HELD_OUT) * len(c.rate))
-    early = fe.solve_axis(fit.search, fe._Columns(*(v[:cut] for v in c)), training.dt_s)
-    late = fe._Columns(*(v[cut:].copy() for v in c))
+    early = fe.solve_axis(fit.search, fe.Columns(*(v[:cut] for v in c)), training.dt_s)
+    late = fe.Columns(*(v[cut:].copy() for v in c))
     late.starts[0] = True
     late.use[: math.ceil(fe.SETTLE_S / training.dt_s)] = False
     return fe.simulation_r2(early, late, training.dt_s)

@@ -7,7 +7,8 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..aircraft.identified import IdentifiedModel, load_identified
+from ..aircraft import Aircraft, load_aircraft
+from ..aircraft.identified import IdentifiedModel
 from ..core.errors import AerofdiError, CannotJudge, WrongUse
 from ..core.types import Flight
 from ..records import flown, read
@@ -22,7 +23,7 @@ DIAGNOSERS = ("parity", "effectiveness")
 def diagnose(
     flights: Sequence[str | os.PathLike[str] | Flight],
     *,
-    aircraft: str | os.PathLike[str] | IdentifiedModel | None = None,
+    aircraft: str | os.PathLike[str] | IdentifiedModel | Aircraft | None = None,
     with_diagnosers: Sequence[str] = (),
     healthy: str | Span | None = None,
     healthy_flight: str | os.PathLike[str] | Flight | None = None,
@@ -35,7 +36,8 @@ def diagnose(
     Without options: in each flight find the spans airborne, under autopilot, with commands moving; learn from their
     first 40 %; check that this part is of one piece; judge the rest. healthy: the span to learn from instead (what
     follows it is judged);
-    healthy_flight: another flight to learn from; aircraft: a model saved before. judge_span: what to judge.
+    healthy_flight: another flight to learn from; aircraft: a model
+    saved before, or a published aircraft (its derivatives are used, noise and trim learnt). judge_span: what to judge.
     Times are seconds on the log's clock. Files that cannot be read raise UnreadableFile or WrongUse; what a flight
     does not allow becomes a result `cannot_judge`.
     """
@@ -46,20 +48,26 @@ def diagnose(
             f"--with {unknown[0]!r} is not a diagnoser of flight records; choose from {', '.join(DIAGNOSERS)}"
         )
     say = progress or (lambda text: None)
-    model = load_identified(aircraft) if isinstance(aircraft, str | os.PathLike) else aircraft
+    model, published = _known(aircraft)
     span = parse_span(healthy, "--healthy") if isinstance(healthy, str) else healthy
     window = parse_span(judge_span, "--judge") if isinstance(judge_span, str) else judge_span
-    reference = _reference(healthy_flight, span, profile, say) if healthy_flight is not None else None
+    reference = (
+        _reference(healthy_flight, span, profile, say, published) if healthy_flight is not None else None
+    )
     out = []
     for item in flights:
         flight = item if isinstance(item, Flight) else read(os.fspath(item), profile)
         name = flight.name if isinstance(item, Flight) else os.fspath(item)
-        out.append(_one(name, flight, wanted, model, span, reference, window, say))
+        out.append(_one(name, flight, wanted, model, published, span, reference, window, say))
     return out
 
 
 def _reference(
-    source: str | os.PathLike[str] | Flight, span: Span | None, profile: str | None, say: Progress
+    source: str | os.PathLike[str] | Flight,
+    span: Span | None,
+    profile: str | None,
+    say: Progress,
+    published: Aircraft | None,
 ) -> Trained:
     flight = source if isinstance(source, Flight) else read(os.fspath(source), profile)
     spans = [span] if span else flown(flight)[0]
@@ -68,7 +76,17 @@ def _reference(
             f"{flight.name}: nothing in it was flown under autopilot; give its healthy span with --healthy"
         )
     say(f"learning from {flight.name}")
-    return train(flight, spans, say)
+    return train(flight, spans, say, published=published)
+
+
+def _known(
+    aircraft: str | os.PathLike[str] | IdentifiedModel | Aircraft | None,
+) -> tuple[IdentifiedModel | None, Aircraft | None]:
+    """(identified model, published aircraft): whichever of the two was given."""
+    if aircraft is None or isinstance(aircraft, IdentifiedModel):
+        return aircraft, None
+    loaded = aircraft if isinstance(aircraft, Aircraft) else load_aircraft(aircraft)
+    return (loaded.identified, None) if loaded.identified is not None else (None, loaded)
 
 
 def _one(
@@ -76,6 +94,7 @@ def _one(
     flight: Flight,
     wanted: tuple[str, ...],
     model: IdentifiedModel | None,
+    published: Aircraft | None,
     healthy: Span | None,
     reference: Trained | None,
     window: Span | None,
@@ -99,7 +118,7 @@ def _one(
                     f"{name}: nothing was flown under autopilot with surface commands moving; "
                     f"give spans with --healthy T0:T1 and --judge T0:T1"
                 )
-            ready = train(flight, trained, say)
+            ready = train(flight, trained, say, published=published)
         judged = [window] if window else without(judged, trained)
         judged = inside(judged, flight.span_s)
         if not judged:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..aircraft import Aircraft
 from ..aircraft.identified import IdentifiedModel
 from ..core.bind import bind, default_max_age
 from ..core.errors import CannotJudge
@@ -15,7 +16,7 @@ from ..core.run import run
 from ..core.types import Array, Diagnoser, Flight, Status
 from ..design.parity import calibrate_threshold
 from ..diagnosers import effectiveness_setup, parity_setup
-from ..identify import identify
+from ..identify import from_aircraft, identify
 from .types import Span
 
 FALSE_ALARMS_PER_HOUR = 0.1
@@ -44,16 +45,19 @@ def train(
     spans: list[Span],
     progress: Callable[[str], None] | None = None,
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+    published: Aircraft | None = None,
 ) -> Trained:
     """Identify the aircraft from healthy spans of one flight, calibrate both diagnosers on them.
 
+    published: a full aircraft file whose derivatives are taken instead of fitted ones.
+
     Raises CannotJudge where the spans disagree among themselves (part of the training may be faulty).
     """
-    model = identify(
-        [(flight, a, b) for a, b in spans],
-        name=str(flight.meta.get("aircraft") or "aircraft"),
-        progress=progress,
-    )
+    pieces = [(flight, a, b) for a, b in spans]
+    if published is not None:
+        return calibrate(flight, spans, from_aircraft(published, pieces), false_alarms_per_hour)
+    name = str(flight.meta.get("aircraft") or "aircraft")
+    model = identify(pieces, name=name, progress=progress)
     if progress:
         progress("is the training of one piece?")
     _homogeneous(flight, spans, model)

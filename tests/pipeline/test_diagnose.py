@@ -1,0 +1,154 @@
+"""The whole job on flights made here: spans, training, judging, words, exit codes; and every way it must not go."""
+
+import json
+
+import numpy as np
+import pytest
+import synthetic as syn
+
+from aerofdi.core import Flight, Series, WrongUse
+from aerofdi.pipeline import diagnose, exit_code
+from aerofdi.pipeline.spans import inside, parse_span, split, without
+
+EVENT = {"t_s", "event", "fault", "mode", "estimate", "estimate_std", "unit"}
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return diagnose([syn.fly(200.0, seed=40)])[0]
+
+
+@pytest.fixture(scope="module")
+def stuck():
+    return diagnose([syn.fly(200.0, seed=41, stuck={"aileron": 0.1}, start_s=140.0)])[0]
+
+
+def test_healthy_flight_is_healthy_and_says_the_smallest_fault_it_would_have_seen(healthy):
+    assert healthy.verdict == "healthy" and exit_code([healthy]) == 0
+    effectiveness = healthy.results[1]
+    assert set(effectiveness.minimum_detectable) == {
+        "aileron loss_of_effectiveness",
+        "elevator loss_of_effectiveness",
+    }
+    assert "would have seen" in effectiveness.reason
+
+
+def test_training_is_the_first_forty_per_cent_and_never_judged(healthy):
+    ((t0, t1),) = healthy.trained
+    assert (t1 - t0) == pytest.approx(0.4 * sum(b - a for a, b in healthy.flown), rel=1e-6)
+    assert all(a >= t1 for a, _ in healthy.judged)
+    assert healthy.results[0].run.t_s[0] >= t1 - 1e-6
+
+
+def test_a_stuck_surface_is_reported_in_events_and_words(stuck):
+    assert stuck.verdict == "fault" and exit_code([stuck]) == 10
+    r = stuck.results[1]
+    assert [e["event"] for e in r.events[:2]] == ["detected", "isolated"]
+    assert 140.0 <= r.events[0]["t_s"] < 148.0
+    named = r.events[1]
+    assert (named["fault"], named["mode"], named["unit"]) == ("aileron", "stuck", "rad")
+    assert "aileron stuck" in r.reason and "deg" in r.reason
+
+
+def test_json_has_the_promised_keys_and_plain_values(stuck, healthy):
+    for d in (stuck, healthy):
+        j = json.loads(json.dumps(d.to_json(), allow_nan=False))
+        assert set(j) == {"file", "duration_s", "trained", "judged", "results"}
+        for r in j["results"]:
+            assert set(r) == {"diagnoser", "verdict", "reason", "minimum_detectable", "events"}
+            assert r["verdict"] in {"healthy", "fault", "cannot_judge"}
+            assert all(set(e) >= EVENT for e in r["events"])
+
+
+def test_a_fault_inside_the_training_is_not_learnt_as_healthy():
+    d = diagnose([syn.fly(200.0, seed=42, stuck={"aileron": 0.12}, start_s=40.0)])[0]
+    assert d.verdict == "cannot_judge" and exit_code([d]) == 3
+    assert "--healthy" in d.results[0].reason and "not of one piece" in d.results[0].reason
+
+
+def test_a_saved_model_judges_the_next_flight_without_training(healthy, tmp_path):
+    from aerofdi.aircraft.identified import save_identified
+
+    save_identified(healthy.model, tmp_path / "a.toml")
+    good, bad = diagnose(
+        [syn.fly(90.0, seed=43), syn.fly(90.0, seed=44, gain={"elevator": 0.2}, start_s=30.0)],
+        aircraft=tmp_path / "a.toml",
+    )
+    assert good.trained == [] and good.verdict == "healthy"
+    assert bad.verdict == "fault" and bad.results[1].events[1]["fault"] == "elevator"
+    assert exit_code([good, bad]) == 10
+
+
+def test_another_flight_can_be_the_healthy_one(healthy):
+    d = diagnose(
+        [syn.fly(60.0, seed=45, stuck={"aileron": -0.1}, start_s=20.0)], healthy_flight=syn.fly(90.0, seed=46)
+    )[0]
+    assert d.verdict == "fault" and d.judged[0][0] < 5.0
+
+
+def test_no_commands_is_cannot_judge_with_both_sides_named():
+    f = syn.fly(60.0, seed=47)
+    bare = Flight(
+        {k: s for k, s in f.measured.items() if not k.startswith("command")}, meta={"source": "bare.csv"}
+    )
+    d = diagnose([bare])[0]
+    assert (
+        exit_code([d]) == 3
+        and "surface commands" in d.results[0].reason
+        and "bare.csv" in d.results[0].reason
+    )
+
+
+def test_commands_that_never_move_are_cannot_judge():
+    f = syn.fly(60.0, seed=48)
+    still = {
+        n: Series(s.t_s, np.full(len(s.t_s), 0.1), s.unit)
+        for n, s in f.measured.items()
+        if n.startswith("command")
+    }
+    d = diagnose([f.with_measured(**still)])[0]
+    assert d.verdict == "cannot_judge" and "surface commands moving" in d.results[0].reason
+
+
+def test_hardly_any_excitation_is_not_called_healthy():
+    f = syn.fly(200.0, seed=49)
+    quiet = diagnose([f], judge_span="100:104")[0].results[1]
+    assert quiet.verdict in {"cannot_judge", "healthy"}
+    if quiet.verdict == "healthy":
+        assert min(quiet.minimum_detectable.values()) > 0.3
+
+
+def test_a_published_aircraft_is_used_with_this_flights_noise():
+    from aerofdi.simulate import fly
+
+    d = diagnose([fly("demo")], aircraft="vireo")[0]
+    assert d.model.name == "vireo" and d.model.axes[0].coefficient("p") == pytest.approx(-11.3, rel=0.03)
+    named = next(e for e in d.results[1].events if e["event"] == "isolated")
+    assert 60.0 <= named["t_s"] <= 66.0 and (named["fault"], named["mode"]) == ("elevon_right", "stuck")
+
+
+def test_a_published_aircraft_refuses_commands_it_cannot_use():
+    f = syn.fly(60.0, seed=50)
+    with pytest.raises(WrongUse, match="not a surface of vireo"):
+        diagnose([f], aircraft="vireo")
+
+
+@pytest.mark.parametrize("text", ["5", "a:b", "10:5", "1:2:3", ""])
+def test_a_span_that_is_none_is_refused_with_the_option_named(text):
+    with pytest.raises(WrongUse, match="--judge"):
+        parse_span(text, "--judge")
+
+
+def test_an_unknown_diagnoser_is_refused_with_the_choice():
+    with pytest.raises(WrongUse, match="choose from parity, effectiveness"):
+        diagnose([], with_diagnosers=["magic"])
+
+
+def test_spans_add_up():
+    flown = [(0.0, 30.0), (40.0, 80.0), (90.0, 100.0)]
+    train, judge = split(flown)
+    total = sum(b - a for a, b in flown)
+    assert sum(b - a for a, b in train) == pytest.approx(0.4 * total)
+    assert sum(b - a for a, b in train + judge) == pytest.approx(total)
+    assert without(flown, train) == judge
+    assert inside(flown, (20.0, 50.0)) == [(20.0, 30.0), (40.0, 50.0)]
