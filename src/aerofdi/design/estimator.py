@@ -137,12 +137,17 @@ class Solution(NamedTuple):
     nodes: Array
 
 
-def multiplier_generators(count: int) -> Array:
-    """Rows: diagonal of M for each generator 1, low-pass_i, high-pass_i over z = [v; psi_v,i; w; psi_w,i]."""
-    k = count + 1
-    rows = [np.eye(k)[0]]
-    rows += [np.eye(k)[i + 1] for i in range(count)]
-    rows += [np.eye(k)[0] - np.eye(k)[i + 1] for i in range(count)]
+def multiplier_generators(poles: Sequence[float]) -> Array:
+    """Rows: diagonal of M for each generator 1, low-pass_i, high-pass_i over z = [v; psi_v,i; w; psi_w,i].
+
+    The low-pass rows are 1/(s + a_i) with s in rad/s (their coefficients are then of the size of the others, which a/(s + a)
+    is not where a is small).
+    """
+    k = len(poles) + 1
+    one = np.eye(k)
+    rows = [one[0]]
+    rows += [one[i + 1] / a**2 for i, a in enumerate(poles)]
+    rows += [one[0] - one[i + 1] for i in range(k - 1)]
     half = np.array(rows)
     return np.hstack((half, -half))
 
@@ -185,7 +190,7 @@ def extend(problem: Estimation, V: Array) -> Extended:
     g = connect(blocks, names, (*z, "eps", *problem.measurements))
     nz = len(z)
     C1, D1 = g.C[:, :nz], g.D[:, :nz]
-    G = multiplier_generators(len(problem.psi_poles)) if nz else np.zeros((0, 0))
+    G = multiplier_generators(problem.psi_poles) if nz else np.zeros((0, 0))
     E = np.array([0.0] * len(w_in) + [1.0] * len(problem.disturbances))
     C2, D2, C3, D3 = g.C[:, nz : nz + 1], g.D[:, nz : nz + 1], g.C[:, nz + 1 :], g.D[:, nz + 1 :]
     return Extended(g.V, g.A, g.B, C1, D1, C2, D2, C3, D3, E, G)

@@ -59,27 +59,39 @@ from ..dynamics.linearise import LATERAL, lpv_grid
 from .certificates import certificate, check_lmis, refine
 from .estimator import Estimation, Filter, Options, Solution
 from .lmi import SOLVED, Progress
-from .lpv import Gridded, interpolate, transfer
-from .lpv_observer_plants import Controller, Ratio, Weights, delay_free_actuator, estimation
-from .synthesis import reconstruct, solve
+from .lpv import Gridded, connect, gain, interpolate, transfer
+from .lpv_observer_plants import (
+    LAT_MEASURED,
+    LON_MEASURED,
+    Controller,
+    Ratio,
+    Weights,
+    delay_free_actuator,
+    estimation,
+    unweighted,
+)
+from .synthesis import filter_at, reconstruct, solve
+from .worst_case_gain import Uncertain
 
-KINDS = ("nominal_lti", "robust_lti", "nominal_lpv", "robust_lpv")
+KINDS = ("nominal_lti", "robust_lti", "nominal_lpv", "robust_lpv", "stuck_lpv")
 AXES = ("lat", "lon")
 DEG = math.pi / 180.0
 LON = ("q", "w")
 FILTER_NODES = 33
+# Wf of "stuck_lpv": size (rad) and corner (rad/s) of the fault input, aileron and elevator; chosen by `stuck_study`.
+FAULT = {"lat": (20.0 * DEG, 3.0), "lon": (4.0 * DEG, 3.0)}
 DENSE = 161
 
 
 class Spec(NamedTuple):
     """What is asked for. None: taken from the aircraft file.
 
-    kind: one of KINDS. airspeeds: lowest and highest, m/s. nominal: airspeed of the time-invariant filters. nodes: synthesis
+    kind: one of KINDS; "stuck_lpv" is "robust_lpv" with the fault as an input (FAULT), the others are the paper's. airspeeds: lowest and highest, m/s. nominal: airspeed of the time-invariant filters. nodes: synthesis
     nodes (LPV). rate_bound: m/s^2. weights: axis -> Weights. psi_poles: axis -> poles of the multiplier, rad/s. backoff, degree: see
     `estimator.Options`. w_scale: axis -> scale of (w, v), None: searched on one node. rounds: times nodes may be added.
     """
 
-    kind: str = "robust_lpv"
+    kind: str = "stuck_lpv"
     airspeeds: tuple[float, float] | None = None
     nominal: float | None = None
     nodes: int = 20
@@ -232,6 +244,8 @@ def _actuator(aircraft: Aircraft, command: str) -> Gridded:
 def axes_of(aircraft: Aircraft, spec: Spec, models: Models, nominal: float) -> dict[str, Axis]:
     """Both axes of an aircraft, with the weights of the spec or the default ones."""
     weights = spec.weights or default_weights(aircraft, models, nominal)
+    if spec.kind == "stuck_lpv" and not spec.weights:
+        weights = {a: w._replace(fault=Ratio((FAULT[a][0] * FAULT[a][1],), (1.0, FAULT[a][1]))) for a, w in weights.items()}
     k = _controllers(aircraft)
     out = {}
     for name, command in zip(AXES, ("aileron", "elevator"), strict=True):
@@ -262,7 +276,8 @@ def _attempts(
         raise CannotJudge(
             f"the {axis.name} problem has no robust filter even at {nominal:g} m/s; lower its uncertainty weight"
         )
-    return [base._replace(w_scale=w) for *_, w in sorted(found)[:3]]
+    best = [w for *_, w in sorted(found)[:2]]
+    return [base._replace(w_scale=w, normal=n) for n in (0.5, 0.25) for w in best]
 
 
 def _first_solved(
@@ -307,7 +322,7 @@ def design_axis(
     """One filter: synthesis, nodes added where the inequalities fail between them, reconstruction, certificate."""
     start = time.perf_counter()
     say = progress or (lambda text, share: None)
-    robust, lti = spec.kind.startswith("robust"), spec.kind.endswith("lti")
+    robust, lti = not spec.kind.startswith("nominal"), spec.kind.endswith("lti")
     k = AXES.index(axis.name)
     problem = axis.problem(robust, spec.psi_poles[k])
     V = np.array([nominal]) if lti else np.linspace(*span, spec.nodes)
@@ -328,6 +343,27 @@ def design_axis(
     proof["w_scale"], proof["normal"] = o.w_scale, o.normal
     proof["seconds"] = round(time.perf_counter() - start, 2)
     return Made(axis, problem, o, s, f, proof)
+
+
+def saved_filter(design: Design, axis: str) -> Filter:
+    """The filter of one axis of a Design."""
+    measured = LAT_MEASURED if axis == "lat" else LON_MEASURED
+    return Filter(*(np.asarray(design.params[f"{axis}.{k}"]) for k in ("V", "A", "A_rate", "B", "C", "D")), measured, "estimate")
+
+
+def analysis_loop(axis: Axis, f: Filter, V: Array) -> Uncertain:
+    """(w, df) -> (v, e): plant with W_Delta, controller without leak, actuator and filter; every other weight is one.
+
+    df is added to the deflection behind the actuator, e = deltahat - delta. This is how "from -delta to e" in section 3.2.4 and
+    Figures 9, 12 and 13 is read here. Without w and v it is Figure 9's loop.
+    """
+    V = np.atleast_1d(np.asarray(V, float))
+    k = axis.controller._replace(leak=0.0)
+    full = unweighted(axis.name, axis.model, axis.actuator, axis.weights, k)(V)
+    plant = full.select(("w", "df"), full.outputs)
+    error = gain("e", {"estimate": 1.0, "delta": -1.0})
+    still, moving = (connect([plant, filter_at(f, V, rate), error], ("w", "df"), ("v", "e")) for rate in (0.0, 1.0))
+    return Uncertain(V, still.A, moving.A - still.A, still.B, still.C, still.D)
 
 
 def _weights_table(w: Weights) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,15 +30,22 @@ def _gather(maps: Array, f: Array) -> Array:
     return np.hstack([value * maps for value in f])
 
 
+class Given(NamedTuple):
+    """What the second stage holds fixed: gamma^2 and the multiplier of the first."""
+
+    g2: float
+    m: Array | None
+
+
 def _node_blocks(
-    p: Problem, e: Extended, k: int, basis: Basis, s: Scaling, options: Options, g2: float | None
+    p: Problem, e: Extended, k: int, basis: Basis, s: Scaling, options: Options, given: Given | None
 ) -> None:
-    """Add (X), (Z) and (Q) of node k. g2 = None: it is an unknown; else fixed and X - Z >= t I."""
+    """Add (X), (Z) and (Q) of node k. given = None: gamma^2 and M are unknown; else X - Z >= t I with t unknown."""
     n, m = e.B.shape[1:]
     robust = e.G.shape[0] > 0
     f, slope = basis.values(e.V[k : k + 1])[0], basis.slopes(e.V[k : k + 1])[0]
     top, drive = np.hstack((np.eye(n), np.zeros((n, m)))), np.hstack((e.A[k], e.B[k]))
-    margin = options.margin if g2 is None else options.margin2
+    margin = options.margin if given is None else options.margin2
     c1, c2 = np.hstack((e.C1[k], e.D1[k])), np.hstack((e.C2[k], e.D2[k]))
     E = np.diag(np.concatenate((np.zeros(n), e.E)))
     N = null_space(np.hstack((e.C3[k], e.D3[k])))
@@ -46,13 +54,15 @@ def _node_blocks(
         He = product_map(top @ S, drive @ S)
         dot = product_map(top @ S, 0.5 * top @ S)
         static: dict[str, Array] = {}
-        if robust:
-            static["m"] = np.stack([svec_of(S.T @ c1.T @ np.diag(g) @ c1 @ S) for g in e.G], axis=1)
         constant = S.T @ c2.T @ c2 @ S if name == "X" else np.zeros((S.shape[1],) * 2)
-        if g2 is None:
+        if given is None:
             static["g2"] = -svec_of(S.T @ E @ S)[:, None]
         else:
-            constant = constant - g2 * S.T @ E @ S
+            constant = constant - given.g2 * S.T @ E @ S
+        if robust and given is not None and given.m is not None:
+            constant = constant + S.T @ c1.T @ np.diag(given.m @ e.G) @ c1 @ S
+        elif robust:
+            static["m"] = np.stack([svec_of(S.T @ c1.T @ np.diag(g) @ c1 @ S) for g in e.G], axis=1)
         for rate in _rates(basis, options):
             terms = {name: _gather(He, f) + _gather(dot, rate / s.time * slope), **static}
             p.block(constant, terms, margin)
@@ -60,9 +70,9 @@ def _node_blocks(
     width: dict[str, Array] = {"X": -_gather(one, f)}
     if robust:
         width["Z"] = _gather(one, f)
-    if g2 is not None:
+    if given is not None:
         width["t"] = svec_of(np.eye(n))[:, None]
-    p.block(np.zeros((n, n)), width, margin if g2 is None else 0.0)
+    p.block(np.zeros((n, n)), width, margin if given is None else 0.0)
 
 
 def svec_of(F: Array) -> Array:
@@ -72,21 +82,22 @@ def svec_of(F: Array) -> Array:
 
 
 def _stage(
-    e: Extended, basis: Basis, s: Scaling, options: Options, g2: float | None
+    e: Extended, basis: Basis, s: Scaling, options: Options, given: Given | None
 ) -> tuple[Problem, Outcome]:
     p = Problem()
     size = (basis.degree + 1) * len(triangle(e.A.shape[1])[0])
     p.unknown("X", size)
     if e.G.shape[0]:
         p.unknown("Z", size)
+    if e.G.shape[0] and (given is None or given.m is None):
         p.unknown("m", e.G.shape[0], nonnegative=True)
-    p.unknown("g2" if g2 is None else "t", 1)
+    p.unknown("g2" if given is None else "t", 1)
     for k in range(len(e.V)):
-        _node_blocks(p, e, k, basis, s, options, g2)
-    goal: dict[str, Array | float] = {"g2": 1.0} if g2 is None else {"t": -1.0}
-    if e.G.shape[0]:
+        _node_blocks(p, e, k, basis, s, options, given)
+    goal: dict[str, Array | float] = {"g2": 1.0} if given is None else {"t": -1.0}
+    if "m" in p.sizes:
         goal["m"] = options.multiplier_cost
-    gap = options.gap if g2 is None else options.gap2
+    gap = options.gap if given is None else options.gap2
     return p, p.solve(goal, options.max_iter, options.time_limit_s, gap, options.feasibility)
 
 
@@ -106,6 +117,20 @@ def _need(outcome: Outcome, what: str, V: Array) -> Array:
     return outcome.theta
 
 
+def _second_stage(
+    e: Extended, basis: Basis, s: Scaling, options: Options, g2: float, m: Array
+) -> tuple[Problem, Outcome, Array]:
+    """The widest X - Z at g2. Numerical trouble is met by a smaller margin, then by holding the multiplier of the first stage."""
+    small = options._replace(margin2=0.1 * options.margin2)
+    for o, held in ((options, None), (small, None), (small, m)):
+        p, out = _stage(e, basis, s, o, Given(g2, held))
+        if out.status == SOLVED or out.status == "infeasible":
+            break
+    if "m" in p.sizes and out.theta is not None:
+        m = np.maximum(out.theta[p.place("m")], 0.0)
+    return p, out, m
+
+
 def solve(problem: Estimation, V: Array, options: Options, progress: Progress | None = None) -> Solution:
     """Both stages on the nodes V: the smallest gamma, then the widest X - Z at backoff * gamma.
 
@@ -120,14 +145,14 @@ def solve(problem: Estimation, V: Array, options: Options, progress: Progress | 
     n = e.A.shape[1]
     say(f"smallest gain on {len(V)} nodes", 0.0)
     p, one = _stage(e, basis, s, options, None)
-    g2 = float(_need(one, "the smallest gain", V)[p.place("g2")][0])
-    best = math.sqrt(max(g2, 0.0))
+    theta = _need(one, "the smallest gain", V)
+    best = math.sqrt(max(float(theta[p.place("g2")][0]), 0.0))
+    m = np.maximum(theta[p.place("m")], 0.0) if e.G.shape[0] else np.zeros(0)
     say(f"gain {best * s.estimand:.5f} ({one.status}); widening", 0.5)
     gamma = options.backoff * best
-    p, two = _stage(e, basis, s, options, gamma**2)
+    p, two, m = _second_stage(e, basis, s, options, gamma**2, m)
     theta = _need(two, "the backed-off filter", V)
     X, Z = (_storage(p, theta, name, n, basis) for name in ("X", "Z"))
-    m = np.maximum(theta[p.place("m")], 0.0) if e.G.shape[0] else np.zeros(0)
     say(f"done ({two.status})", 1.0)
     return Solution(X, Z, m, gamma * s.estimand, best * s.estimand, basis, s, one, two, V)
 

@@ -166,7 +166,7 @@ def upper_bound(
     C[:, 0], D[:, 0] = C[:, 0] * left, D[:, 0] * left
     wide, rows = _with_psi(Uncertain(g.V, g.A, g.A_rate, B, C, D), poles)
     s, T = _scaled(wide, time, 0.5)
-    G = multiplier_generators(len(poles))
+    G = multiplier_generators(poles)
     p = _assemble(s, rows, G, basis, rate_bound, time, margin)
     out = p.solve({"g2": 1.0, "m": 1e-8}, 200, time_limit_s, 1e-5, 1e-6)
     if out.theta is None:
@@ -282,7 +282,7 @@ def check_upper_bound(
     time = 10.0
     Ti, q = np.linalg.inv(u.T), math.sqrt(time)
     M = np.diag(
-        np.concatenate((u.multiplier @ multiplier_generators(len(poles)), np.ones(wide.C.shape[1] - rows)))
+        np.concatenate((u.multiplier @ multiplier_generators(poles), np.ones(wide.C.shape[1] - rows)))
     )
     m = wide.B.shape[2]
     cost = u.gain**2 * np.diag(np.concatenate((np.zeros(len(u.T) + 1), np.ones(m - 1))))

@@ -1,0 +1,244 @@
+"""Method B's filters against section 3.2: Tables 1 to 3, Figures 2, 8, 9, 11, 12, 13 and 14 as numbers (`filter_figures` draws them).
+
+Readings that are ours, because the text leaves them open:
+- "-delta -> e" (Figures 9, 12, 13): f added to the deflection behind the actuator, loop closed (`design.lpv_observer.analysis_loop`).
+- The open reading, e/(-delta) = 1 - F G, is shown beside it: it is what a stuck surface does, since a stuck surface opens the loop.
+- Figure 14: f is a step of 10 deg, Delta the real all-pass that attains the worst frozen gain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...core import Array, Design
+from ...design.certificates import LIMIT
+from ...design.io import load_design
+from ...design.lpv import Gridded, connect, gain, response
+from ...design.lpv_observer import AXES, Axis, analysis_loop, saved_filter
+from ...design.lpv_observer_plants import unweighted
+from ...design.synthesis import filter_at
+from ...design.worst_case_gain import all_pass, at_rate, closed_by
+from ...parts.lti import hold
+from ..claims import Findings, Ours
+from .worst_case import FOLDER, KINDS, NORMS, SPEEDS, axes, bounds, lower_bounds
+
+Progress = Callable[[str, float], None]
+DEG = math.pi / 180.0
+LABELS = dict(zip((*KINDS, "stuck_lpv"), ("Nominal-LTI", "Robust-LTI", "Nominal-LPV", "Robust-LPV", "fault as input"), strict=True))
+SENSITIVITY_W = np.logspace(-2.0, 2.0, 201)
+STEP_DT, STEP_S = 0.001, 3.0
+
+
+@cache
+def design(kind: str) -> Design:
+    """A saved design."""
+    return load_design(FOLDER / f"{kind}.toml")
+
+
+def db(x: Any) -> Any:
+    """Decibels of a size."""
+    return 20.0 * np.log10(np.maximum(np.abs(x), 1e-12))
+
+
+class Sensitivity(NamedTuple):
+    """|e/f| of the closed loop and |e/delta| of the open one at SPEEDS x w, and the bound |1/W| at w."""
+
+    closed: Array
+    opened: Array
+    bound: Array
+
+
+@cache
+def sensitivity(kind: str, axis: str) -> Sensitivity:
+    """Figures 9 and 12 for one design: at every airspeed of the grid, Vdot = 0, Delta = 0."""
+    a: Axis = axes()[axis]
+    plant = unweighted(axis, a.model, a.actuator, a.weights, a.controller._replace(leak=0.0))(SPEEDS)
+    plant = plant.select(("df",), plant.outputs)
+    f = filter_at(saved_filter(design(kind), axis), SPEEDS)
+    g = connect([plant, f, gain("e", {"estimate": 1.0, "delta": -1.0})], ("df",), ("e", "delta"))
+    R = np.abs(response(g, SENSITIVITY_W)[:, :, :, 0])
+    bound = np.array([1.0 / a.weights.error.gain_at(w) for w in SENSITIVITY_W])
+    return Sensitivity(R[:, :, 0], R[:, :, 0] / R[:, :, 1], bound)
+
+
+def excess(s: Sensitivity) -> tuple[float, float, float]:
+    """Largest closed/bound, and the airspeed and frequency where."""
+    r = s.closed / s.bound
+    i, j = np.unravel_index(int(r.argmax()), r.shape)
+    return float(r[i, j]), float(SPEEDS[i]), float(SENSITIVITY_W[j])
+
+
+class StepResponse(NamedTuple):
+    """t_s, true deflection and its estimate, rad, after f steps by 10 deg; overshoot of the estimate over the step, share."""
+
+    t_s: Array
+    true: Array
+    estimate: Array
+    overshoot: float
+
+
+def step_response(kind: str, speed: float) -> StepResponse:
+    """Figure 14: a lateral filter at one airspeed with its worst Delta there.
+
+    The loop (w, f) -> (v, e) is closed by the all-pass that attains the frozen worst-case gain; delta itself is the output whose
+    filtered copy is v, taken from a loop with delta as an extra output.
+    """
+    a = axes()["lat"]
+    worst = lower_bounds(kind)[int(np.argmin(np.abs(SPEEDS - speed)))]
+    delta_block = all_pass(worst.delta, worst.w_rad_s)
+    V = np.array([speed])
+    plant = unweighted("lat", a.model, a.actuator, a.weights, a.controller._replace(leak=0.0))(V)
+    plant = plant.select(("w", "df"), plant.outputs)
+    g = connect([plant, filter_at(saved_filter(design(kind), "lat"), V), delta_block], ("df",), ("delta", "estimate"))
+    t, y = simulate_step(g, 10.0 * DEG)
+    return StepResponse(t, y[:, 0], y[:, 1], float(np.abs(y[:, 1]).max() / (10.0 * DEG) - 1.0))
+
+
+def simulate_step(g: Gridded, size: float, node: int = 0) -> tuple[Array, Array]:
+    """Outputs (k, p) of one frozen node after its only input steps to `size`, exact at the samples."""
+    Ad, Bd = hold(g.A[node], g.B[node], STEP_DT)
+    n = round(STEP_S / STEP_DT)
+    x, y = np.zeros(g.order), np.zeros((n, g.C.shape[1]))
+    for k in range(n):
+        y[k] = g.C[node] @ x + g.D[node][:, 0] * size
+        x = Ad @ x + Bd[:, 0] * size
+    return STEP_DT * np.arange(n), y
+
+
+def weight_numbers() -> dict[str, float]:
+    """What the text says of the weights of Tables 2 and 3, from their coefficients: dB, rad/s and shares."""
+    lat, lon = (axes()[k].weights for k in AXES)
+    out = {}
+    for name, w in (("lat", lat.error), ("lon", lon.error)):
+        dc, high = w.den[-1] / w.num[-1], w.den[0] / w.num[0]
+        grid = np.logspace(-2, 3, 20001)
+        below = [1.0 / w.gain_at(x) < high / math.sqrt(2.0) for x in grid]
+        out |= {f"{name}_dc": float(db(dc)), f"{name}_high": float(db(high)), f"{name}_bandwidth": float(grid[below.index(False)])}
+    at = {"lat_uncertainty_dc": (lat, 1e-6), "lon_uncertainty_phugoid": (lon, 0.87), "lon_uncertainty_short": (lon, 14.5),
+          "lon_uncertainty_actuator": (lon, 62.8), "lat_uncertainty_high": (lat, 1e7), "lon_uncertainty_high": (lon, 1e7)}  # fmt: skip
+    return out | {k: 100.0 * w.uncertainty.gain_at(x) for k, (w, x) in at.items()}
+
+
+def modes() -> dict[str, Array]:
+    """Natural frequencies at SPEEDS, rad/s: Dutch roll and short period (Figure 2)."""
+    pairs = {}
+    for axis, name in zip(AXES, ("dutch_roll", "short_period"), strict=True):
+        A, _ = axes()[axis].model(np.append(SPEEDS, 15.4))
+        e = np.linalg.eigvals(A)
+        pairs[name] = np.array([np.abs(row[np.abs(row.imag) > 1e-9]).min() for row in e])
+    return pairs
+
+
+def _design_claims() -> dict[str, Ours]:
+    n, m = weight_numbers(), modes()
+    ours = {f"weight_{k}": Ours(v) for k, v in n.items()}
+    ours |= {f"{k}_nominal": Ours(float(v[-1])) for k, v in m.items()}
+    ours |= {f"{k}_rises": Ours(float(np.all(np.diff(v[:-1]) > 0))) for k, v in m.items()}
+    robust = design("robust_lpv")
+    ours |= {f"order_{a}": Ours(float(robust.params[f"{a}.A"].shape[1])) for a in AXES}
+    moving = [bool(np.any(robust.params[f"{a}.A_rate"])) for a in AXES]
+    ours["scheduled_by_rate"] = Ours(float(all(moving)))
+    stable = [design(k).certificate[a]["stable"] for k in ("nominal_lpv", "robust_lpv") for a in AXES]
+    ours["quadratically_stable"] = Ours(float(all(stable)))
+    return ours
+
+
+def _sensitivity_claims() -> dict[str, Ours]:
+    out = {}
+    for axis, figure in zip(AXES, ("fig9", "fig12"), strict=True):
+        r, V, w = excess(sensitivity("robust_lpv", axis))
+        better, *_ = excess(sensitivity("stuck_lpv", axis))
+        gamma, size = design("robust_lpv").certificate[axis]["gamma"], axes()[axis].weights.actuator
+        reason = (
+            f"largest S/Sbar at {V:.1f} m/s, {w:.2g} rad/s; the synthesis bounds it only by gamma/Wu/|G_a| = {gamma / size:.1f}. "
+            f"With the fault as an input of the synthesis it is {better:.2f}."
+        )
+        out[f"{figure}_bound"] = Ours(r, None, reason)
+    return out
+
+
+def _gain_claims() -> dict[str, Ours]:
+    out, upper = {}, bounds()
+    lower = {k: lower_bounds(k) for k in KINDS}
+    top = {k: max(x.gain for x in v) for k, v in lower.items()}
+    spread = {k: max(x.gain for x in v) - min(x.gain for x in v) for k, v in lower.items()}
+    for k in KINDS:
+        b = upper.get((k, 1.0))
+        where = float(SPEEDS[int(np.argmax([x.gain for x in lower[k]]))])
+        reason = "the value depends on backoff, airspeed grid, solver and on what '-delta -> e' means, none of which is stated"
+        out[f"fig13_upper_{k}"] = Ours(b.gain if b else math.nan, (top[k], b.gain) if b else None, reason)
+        out[f"fig13_speed_{k}"] = Ours(where)
+    out["fig13_smallest_upper"] = Ours(float(all(upper["robust_lpv", 1.0].gain < top[k] for k in KINDS if k != "robust_lpv")))
+    out["fig13_smallest_lower"] = Ours(float(min(top, key=lambda k: top[k]) == "robust_lpv"))
+    out["fig13_least_variant"] = Ours(float(min(spread, key=lambda k: spread[k]) == "robust_lpv"))
+    out["fig13_above_lower"] = Ours(float(all(b.gain >= top[k] for (k, n), b in upper.items() if n == 1.0)))
+    rises = all(
+        upper[k, a].gain < upper[k, b].gain
+        for k in KINDS
+        for a, b in zip(NORMS[:-1], NORMS[1:], strict=True)
+        if (k, a) in upper and (k, b) in upper
+    )
+    out["fig13_grows"] = Ours(float(rises))
+    growth = {k: upper[k, NORMS[-1]].gain - upper[k, NORMS[0]].gain for k in KINDS}
+    out["fig13_least_growth"] = Ours(float(min(growth, key=lambda k: growth[k]) == "robust_lpv"))
+    return out
+
+
+def _step_claims() -> dict[str, Ours]:
+    worst = {k: float(SPEEDS[int(np.argmax([x.gain for x in lower_bounds(k)]))]) for k in KINDS}
+    over = {k: step_response(k, worst[k]).overshoot for k in KINDS}
+    robust = step_response("robust_lpv", 20.0).overshoot
+    others = min(v for k, v in over.items() if k != "robust_lpv")
+    text = "; ".join(f"{LABELS[k]} {100 * v:.0f} % at {worst[k]:.1f} m/s" for k, v in over.items())
+    return {
+        "fig14_degrades": Ours(float(over["robust_lpv"] < others), None, f"overshoot of the estimate: {text}"),
+        "fig14_consistent": Ours(abs(over["robust_lpv"] - robust), None, f"overshoot {100 * over['robust_lpv']:.0f} % against {100 * robust:.0f} % at 20 m/s"),
+    }
+
+
+def tables() -> dict[str, Any]:
+    """Tables 1 to 3 with what our filters are, and the worst-case gains."""
+    t1 = []
+    for k in (*KINDS, "stuck_lpv"):
+        for a in AXES:
+            c = design(k).certificate[a]
+            t1.append({
+                "filter": LABELS[k], "axis": a, "gamma": c["gamma"], "gamma_optimal": c["gamma_optimal"], "order": c["order"],
+                "status": c["status"], "on_grid_only": c["on_grid_only"], "seconds": c["seconds"],
+                "largest S/Sbar": excess(sensitivity(k, a))[0],
+                "largest open-loop |e/delta| below 1 rad/s": float(sensitivity(k, a).opened[:, SENSITIVITY_W <= 1.0].max()),
+            })  # fmt: skip
+    upper = bounds()
+    gains = []
+    for k in KINDS:
+        low = lower_bounds(k)
+        best = max(low, key=lambda x: x.gain)
+        row = {"filter": LABELS[k], "lower": best.gain, "airspeed of lower": float(SPEEDS[low.index(best)]), "w_rad_s": best.w_rad_s}
+        for n in NORMS:
+            b = upper.get((k, n))
+            row |= {f"upper {n}": b.gain if b else None}
+        b = upper.get((k, 1.0))
+        row |= {"status": b.status if b else "none", "proved between nodes": bool(b and b.dense <= LIMIT), "eigenvalue": b.dense if b else None}
+        gains.append(row)
+    weights = {axis: design("robust_lpv").spec["weights"][axis] for axis in AXES}
+    return {"table1": t1, "table2": weights["lat"], "table3": weights["lon"], "worst_case_gain": gains}
+
+
+def find(quick: bool, progress: Progress) -> Findings:
+    """Every claim of section 3.2; quick and full runs do the same (the bounds are stored certificates, checked each time)."""
+    del quick
+    ours: dict[str, Ours] = {}
+    parts = (_design_claims, _sensitivity_claims, _gain_claims, _step_claims)
+    for k, part in enumerate(parts):
+        progress(part.__name__.strip("_").replace("_", " "), k / (len(parts) + 1))
+        ours |= part()
+    progress("tables", len(parts) / (len(parts) + 1))
+    return Findings(ours, tables())
+
+
+__all__ = ["Findings", "analysis_loop", "at_rate", "closed_by", "design", "find", "sensitivity", "step_response", "tables"]
