@@ -197,7 +197,8 @@ def sweep(angles: tuple[float, ...] = SWEEP_DEG) -> list[dict[str, Any]]:
         fault = base.faults[0]._replace(value=math.radians(angle), end_s=math.inf)
         flight = fly(replace(base, faults=(fault,), duration_s=fault.start_s + 25.0))
         found = {m: judge(flight, make()).score.detections[0] for m, make in METHODS.items()}
-        out.append({"about_trim_deg": angle} | {f"{m}_s": _seconds(d) for m, d in found.items()})
+        row: dict[str, float | None] = {f"{m}_s": _seconds(d) for m, d in found.items()}
+        out.append({"about_trim_deg": angle, **row})
     return out
 
 
