@@ -32,7 +32,10 @@ FREE, LEVELLING, HOLDING = 0, 1, 2
 
 
 class Gains(NamedTuple):
-    """l1_period, l1_damping: T and zeta of the track law. bank_max: its bank limit. turn_time: to roll in or out."""
+    """l1_period, l1_damping:
+
+    T and zeta of the track law. bank_max: its bank limit. turn_time: to roll in or out.
+    """
 
     l1_period: float
     l1_damping: float
@@ -133,8 +136,7 @@ def rectangle(
     east: float = 0.0,
     right: bool = True,
 ) -> tuple[Array, Array]:
-    """Waypoints of a rectangle, m: the first leg runs `length` from (north, east) along `course` (rad), then right.
-    """
+    """Waypoints of a rectangle, m: the first leg runs `length` from (north, east) along `course` (rad), then right."""
     side = 1.0 if right else -1.0
     along = np.array([0.0, length, length, 0.0])
     across = side * np.array([0.0, 0.0, width, width])
@@ -203,7 +205,10 @@ def _track(p: Plan, leg: int, z: Measured) -> tuple[int, int, int, float, float]
 
 @lean
 def _hold(s: State, request: int, z: Measured) -> State:
-    """The next hold: taken on request, the heading once the wings are level, dropped when the request ends."""
+    """The next hold:
+
+    taken on request, the heading once the wings are level, dropped when the request ends.
+    """
     if request == 0:
         return State(s.row, s.leg, FREE, 0.0, 0.0)
     if s.hold == FREE:

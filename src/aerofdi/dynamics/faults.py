@@ -387,11 +387,10 @@ def faults_now(
     alpha: float,
     beta: float,
 ) -> None:
-    """Write into `modified` what all faults do at time t; position (n,) of the servos is latched at each
-    onset.
+    """Write into `modified` what all faults do at time t; position (n,) of the servos is latched at onsets.
+
+    Before table.first_s there is nothing to do, and a loop need not call it.
     """
-    if t < table.first_s - 1e-9:
-        return
     _clean(modified)
     for i in range(table.rows.shape[0]):
         r = table.rows[i]

@@ -74,7 +74,9 @@ def _compiled(function: F, **options: bool) -> F:
         return function
     from .cache import cache_on_disk
 
-    compiled: F = cache_on_disk(numba.njit(error_model="numpy", nogil=True, **options)(function))  # type: ignore[call-overload]
+    compiled: F = cache_on_disk(
+        numba.njit(error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options)(function)
+    )  # type: ignore[call-overload]
     return compiled
 
 

@@ -136,45 +136,40 @@ def measured(f: np.ndarray, r: Array) -> Measured:
 
 
 @lean
-def _look(m: Memory, x: State, z: Outputs) -> None:
+def _look(truth: Array, x: State, z: Outputs) -> None:
     """Fill the true values of this instant."""
-    true_values(x, z, to_ned(x.e0, x.e1, x.e2, x.e3, x.u, x.v, x.w), m.truth)
+    true_values(x, z, to_ned(x.e0, x.e1, x.e2, x.e3, x.u, x.v, x.w), truth)
 
 
 @lean
-def _record_truth(p: Params, m: Memory, row: Array, x: State, wind: Wind) -> None:
-    n, felt, size = m.truth.shape[0], m.actuators.felt, m.faults.size
+def _record_truth(truth: Array, felt: Array, size: Array, out: Array, row: int, x: State, wind: Wind) -> None:
+    n = truth.shape[0]
     for i in range(n):
-        row[i] = m.truth[i]
+        out[row, i] = truth[i]
     north, east, down = to_ned(x.e0, x.e1, x.e2, x.e3, wind.u, wind.v, wind.w)
-    row[n], row[n + 1], row[n + 2] = wind.north + north, wind.east + east, wind.down + down
-    row[n + 3], row[n + 4], row[n + 5] = wind.p, wind.q, wind.r
+    out[row, n], out[row, n + 1], out[row, n + 2] = wind.north + north, wind.east + east, wind.down + down
+    out[row, n + 3], out[row, n + 4], out[row, n + 5] = wind.p, wind.q, wind.r
     n += AIR
     for i in range(felt.shape[0]):
-        row[n + i] = felt[i]
+        out[row, n + i] = felt[i]
     n += felt.shape[0]
     for i in range(size.shape[0]):
-        row[n + i] = size[i]
+        out[row, n + i] = size[i]
 
 
 @lean
-def _fly_by(p: Params, m: Memory, out: Record, pilot: Any, guide: Any, k: int, t: float, request: int) -> Any:
-    """The autopilot's instant: reference, command, and both on record."""
-    z = measured(p.feed, m.sensors.reading)
-    guide, ref = guidance.step(p.plan, guide, z, t, request)
-    pilot, command = control(p.gains, pilot, ref, z, p.dt * p.control_every)
-    row = k // p.control_every
-    for i in range(m.command.shape[0]):
-        m.command[i] = command[p.route[i]] if p.route[i] >= 0 else p.trim[i]
-        out.command[row, i] = m.command[i]
-    reference = out.reference[row]
-    reference[0], reference[1], reference[2], reference[3] = (
-        pilot.bank_ref,
-        pilot.pitch_ref,
-        ref.airspeed,
-        ref.altitude,
-    )
-    return pilot, guide
+def _record_command(route: np.ndarray, trim: Array, command: Any, kept: Array, out: Array, row: int) -> None:
+    """Route the controller's commands to the servos, and put them on record."""
+    for i in range(kept.shape[0]):
+        kept[i] = command[route[i]] if route[i] >= 0 else trim[i]
+        out[row, i] = kept[i]
+
+
+@lean
+def _record_reference(
+    out: Array, row: int, bank: float, pitch: float, airspeed: float, altitude: float
+) -> None:
+    out[row, 0], out[row, 1], out[row, 2], out[row, 3] = bank, pitch, airspeed, altitude
 
 
 @lean
@@ -202,22 +197,29 @@ def advance(
         if k == 0:
             wind_start(p.wind, m.wind, seed, run)
         wind = wind_now(p.wind, m.wind, -x.down)
-        faults_now(p.faults, m.faults, m.modified, m.actuators.position, t, m.truth[7], m.truth[8])
+        if t >= p.faults.first_s - 1e-9:
+            faults_now(p.faults, m.faults, m.modified, m.actuators.position, t, m.truth[7], m.truth[8])
         effects = _effects(m.modified.effects)
         surfaces, throttle = _surfaces(felt), felt[last]
         k1 = derivative(p.plant, x, surfaces, throttle, wind, effects)
         recording = p.record_every > 0 and k % p.record_every == 0
         sensing = sensors_due(p.sensors, k)
         if sensing or recording:
-            _look(m, x, outputs(p.plant, x, k1, wind))
+            _look(m.truth, x, outputs(p.plant, x, k1, wind))
         if k == 0:
             sensors_start(p.sensors, m.sensors, m.truth, seed, run)
         if sensing:
             sensors_step(p.sensors, m.sensors, m.modified.sensor, m.truth, out.measured, seed, run, k, t)
         if recording:
-            _record_truth(p, m, out.truth[k // p.record_every], x, wind)
+            row = k // p.record_every
+            _record_truth(m.truth, felt, m.faults.size, out.truth, row, x, wind)
         if k % p.control_every == 0:
-            pilot, guide = _fly_by(p, m, out, pilot, guide, k, t, request)
+            z = measured(p.feed, m.sensors.reading)
+            guide, ref = guidance.step(p.plan, guide, z, t, request)
+            pilot, command = control(p.gains, pilot, ref, z, p.dt * p.control_every)
+            row = k // p.control_every
+            _record_command(p.route, p.trim, command, m.command, out.command, row)
+            _record_reference(out.reference, row, pilot.bank_ref, pilot.pitch_ref, ref.airspeed, ref.altitude)
         for i in range(last + 1):
             m.total[i] = m.command[i] + m.excitation[i]
         actuators_step(p.actuators, m.actuators, m.modified.servo, m.total)
