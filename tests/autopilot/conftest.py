@@ -148,6 +148,28 @@ class Loop:
             out[n] = margins(w, full / others - 1.0)
         return out
 
+    def bandwidth(self, reference: str, output: str, lateral: int = HEADING) -> float:
+        """-3 dB bandwidth of an output behind a field of the Reference, rad/s."""
+        w = np.logspace(-2, 1, 600)
+        G, K = self.response(w, lateral)
+        module, ref, h = self.pilot.module, level(self.z, lateral), 1e-6
+        start = module.init(self.pilot.gains, self.command, self.z)
+
+        def f(d: float) -> np.ndarray:
+            moved = ref._replace(**{reference: getattr(ref, reference) + d})
+            state, out = module.step(self.pilot.gains, start, moved, self.z, self.dt)
+            return np.array([*state, *out])
+
+        slope = (f(h) - f(-h)) / (2.0 * h)
+        bx, bu = slope[: len(start)], slope[len(start) :]
+        c = linear_controller(self.pilot, self.command, self.z, lateral)
+        z = np.exp(1j * w * self.dt)
+        F = np.array([c.C @ np.linalg.solve(q * np.eye(len(c.A)) - c.A, bx) + bu for q in z])
+        at = SEEN.index(output)
+        eye = np.eye(len(SEEN))
+        T = np.array([np.linalg.solve(eye - G[k] @ K[k], G[k] @ F[k])[at] for k in range(len(w))])
+        return float(w[np.argmax(np.abs(T) < np.abs(T[0]) / np.sqrt(2.0))])
+
 
 def margins(w: np.ndarray, L: np.ndarray) -> Margins:
     """Margins of 1 + L, from every crossing."""

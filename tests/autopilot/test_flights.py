@@ -10,6 +10,7 @@ import pytest
 
 from aerofdi.autopilot.guidance import rectangle
 from aerofdi.core import Flight, Request
+from aerofdi.dynamics.faults import Fault
 from aerofdi.scenarios import Guidance, Point, Scenario, Start, Track, Turbulence, WindSpec
 from aerofdi.simulate import fly
 from aerofdi.simulate.fly import assemble, start
@@ -133,3 +134,23 @@ def test_hold_level_in_a_corner_flies_straight_and_level_until_released(case: Ca
     assert np.ptp(psi[held]) < np.radians(4.0)
     assert np.max(np.abs(h[held] - h[np.searchsorted(t, begin / hz)])) < case.altitude_calm
     assert np.max(np.abs(phi[t > hold / hz + 1.0])) > np.radians(15.0)  # and goes back to its track
+
+
+@pytest.mark.parametrize("angle", [-7.0, -5.0, -1.0, 1.0, 3.0, 5.0])
+@pytest.mark.parametrize("surface", ["elevon_left", "elevon_right"])
+def test_vireo_stays_wings_level_with_an_elevon_stuck_anywhere_in_the_tolerable_set(
+    surface: str, angle: float
+) -> None:
+    """Straight flight near its altitude, slower or faster as the pitching moment wants; the fault is seen meanwhile."""
+    fault = Fault(surface, "stuck", 20.0, value=math.radians(angle), about="trim")
+    level = Guidance("heading", (Point(0.0, 15.4, 100.0, 0.0),))
+    flight = fly(scenario(CASES[0], 130.0, guidance=level, faults=(fault,)))
+    t, phi = flight.truth["phi"].t_s, truth(flight, "phi")
+    end = t > 90.0
+    assert not flight.meta["diverged"]
+    assert np.max(np.abs(phi)) < np.radians(50.0) and np.std(phi[end]) < np.radians(3.0)
+    assert abs(np.mean(phi[end])) < np.radians(2.0)
+    assert np.max(np.abs(truth(flight, "altitude")[end] - 100.0)) < 22.0
+    change = np.mean(truth(flight, "airspeed")[end]) - 15.4
+    assert np.sign(change) == np.sign(angle) or abs(angle) <= 1.0
+    assert np.max(np.abs(truth(flight, "p")[(t > 20.0) & (t < 23.0)])) > 0.02

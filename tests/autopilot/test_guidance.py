@@ -61,6 +61,13 @@ def test_a_bank_plan_gives_bank_and_a_plan_before_its_first_time_gives_the_first
     assert (ref.lateral, ref.bank, ref.altitude) == (BANK, 0.2, 90.0)
 
 
+def test_a_plan_has_contiguous_columns_whatever_it_is_made_from() -> None:
+    table = np.array([[0.0, 15.0, 100.0, 0.1], [10.0, 16.0, 110.0, 0.2]])
+    p = plan(*table.T, lateral=TRACK, north=table.ravel()[::3], east=table.ravel()[2::3].tolist() + [7.0])
+    columns = (p.t_s, p.airspeed, p.altitude, p.angle, p.north, p.east)
+    assert all(a.flags.c_contiguous and a.dtype == np.float64 for a in columns)
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [

@@ -9,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from aerofdi.autopilot.loops import GRAVITY, lag, load_rise, pi_control, turn_pitch_rate, wrap
+from aerofdi.aircraft import load_aircraft
+from aerofdi.autopilot import autopilot_of
+from aerofdi.autopilot.loops import GRAVITY, lag, lift_rise, pi_control, turn_pitch_rate, wrap
 
 finite = st.floats(-50.0, 50.0)
 
@@ -37,8 +39,11 @@ def test_turn_terms_are_those_of_a_coordinated_level_turn() -> None:
     turn_rate = GRAVITY * math.tan(phi) / speed
     assert math.isclose(turn_pitch_rate(phi, speed), turn_rate * math.sin(phi), rel_tol=1e-12)
     assert turn_pitch_rate(-phi, speed) == turn_pitch_rate(phi, speed) > 0.0
-    lift = (1.0 + load_rise(phi)) * math.cos(phi)  # the vertical part carries the weight
-    assert math.isclose(lift, 1.0, rel_tol=1e-12)
+    # Lift goes with the coefficient and the square of the airspeed; its vertical part carries the weight.
+    gains = autopilot_of(load_aircraft("vireo").autopilot).gains
+    for airspeed in (12.0, 15.4, 19.0):
+        lift = (1.0 + lift_rise(gains, airspeed, phi)) * (airspeed / 15.4) ** 2
+        assert math.isclose(lift * math.cos(phi), 1.0, rel_tol=1e-12)
 
 
 @settings(max_examples=200, deadline=None)

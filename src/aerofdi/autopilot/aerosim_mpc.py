@@ -23,7 +23,7 @@ elevator trailing edge down, rudder trailing edge left positive):
     phi_ref  = atan(V r_0 / g)
     da       = (k_phi + k_iphi/s) (phi_ref - phi) + k_p p
     dr       = k_r (r - g sin(phi)/V)                    damper on the rate beyond that of the turn
-    de       = (k_theta + k_itheta/s) (theta_ref - theta) + k_q q + turn feed-forward
+    de       = (k_theta + k_itheta/s) (theta_ref - theta) + k_q q + lift feed-forward
     theta_ref, throttle: PI on altitude (with climb rate) and airspeed
 
 Criteria: at least 18 dB up and 60 deg from 22 to 30 m/s and from a full to an empty tank. Margins at 25
@@ -64,16 +64,18 @@ class Gains(NamedTuple):
     pitch_kp: float
     pitch_ki: float
     pitch_rate_kp: float
-    turn_elevator: float
+    lift_elevator: float
     altitude_kp: float
     altitude_ki: float
     climb_kp: float
-    turn_pitch: float
+    lift_pitch: float
+    trim_airspeed: float
     altitude_error_max: float
     pitch_min: float
     pitch_max: float
     airspeed_kp: float
     airspeed_ki: float
+    energy_kp: float
     bank_max: float
     elevator_max: float
     aileron_max: float
@@ -129,8 +131,8 @@ def init(gains: Gains, trim: Command, z: Measured) -> State:
         bank_ref=z.phi,
         pitch_ref=z.theta,
         bank_integral=trim.aileron_right - gains.roll_rate_kp * z.p,
-        pitch_integral=trim.elevator - loops.pitch_feed(gains, z),
-        altitude_integral=z.theta - loops.altitude_feed(gains, z),
+        pitch_integral=trim.elevator - loops.pitch_feed(gains, z.airspeed, z),
+        altitude_integral=z.theta - loops.altitude_feed(gains, z.airspeed, z),
         airspeed_integral=trim.throttle,
         rudder=trim.rudder - gains.yaw_rate_kp * _yaw_beyond_turn(z),
         yaw_rate_ref=GRAVITY * tan(z.phi) / max(z.airspeed, 1.0),
@@ -244,7 +246,10 @@ def guide(g: Gains, ref: Reference, z: Measured, last: float) -> float:
 
 @jit
 def _bank_reference(g: Gains, s: State, ref: Reference, z: Measured, dt: float) -> tuple[float, float, float]:
-    """(bank reference, yaw-rate command, wait): the guidance at its own period, at once after a spell of BANK."""
+    """(bank reference, yaw-rate command, wait):
+
+    the guidance at its own period, at once after a spell of BANK.
+    """
     if ref.lateral == BANK:
         bank = clip(ref.bank, -g.bank_max, g.bank_max)
         return bank, GRAVITY * tan(bank) / maximum(z.airspeed, 1.0), 0.0
@@ -261,10 +266,10 @@ def step(g: Gains, s: State, ref: Reference, z: Measured, dt: float) -> tuple[St
     """One control step of dt seconds: (next state, commands within their limits)."""
     phi_ref, yaw_rate, wait = _bank_reference(g, s, ref, z, dt)
     ih, theta_ref = altitude_hold(g, s.altitude_integral, z.altitude, ref, z, dt)
-    it, de = pitch_hold(g, s.pitch_integral, theta_ref, z, -g.elevator_max, g.elevator_max, dt)
+    it, de = pitch_hold(g, s.pitch_integral, theta_ref, ref, z, -g.elevator_max, g.elevator_max, dt)
     ib, da = bank_hold(g, s.bank_integral, phi_ref, z.phi, z.p, g.aileron_max, dt)
     dr = clip(s.rudder + g.yaw_rate_kp * _yaw_beyond_turn(z), -g.rudder_max, g.rudder_max)
-    iv, throttle = airspeed_hold(g, s.airspeed_integral, z.airspeed, ref, dt)
+    iv, throttle = airspeed_hold(g, s.airspeed_integral, z.airspeed, z.altitude, ref, dt)
     return (
         State(phi_ref, theta_ref, ib, it, ih, iv, s.rudder, yaw_rate, wait),
         Command(de, -da, da, dr, throttle),

@@ -7,8 +7,8 @@ Gains (all assumed) designed here:
 
     phi_ref   = k_chi (chi_ref - chi), limited
     da        = (k_phi + k_iphi/s) (phi_ref - phi) - k_p p
-    theta_ref = (k_h + k_ih/s) (h_ref - h) - k_hd h' + turn feed-forward, limited
-    de        = (k_theta + k_itheta/s) (theta_ref - theta) + k_q q + turn feed-forward
+    theta_ref = (k_h + k_ih/s) (h_ref - h) - k_hd h' + lift feed-forward, limited
+    de        = (k_theta + k_itheta/s) (theta_ref - theta) + k_q q + lift feed-forward
     throttle  = (k_v + k_iv/s) (V_ref - V)
     dr        = trim
 
@@ -42,16 +42,18 @@ class Gains(NamedTuple):
     pitch_kp: float
     pitch_ki: float
     pitch_rate_kp: float
-    turn_elevator: float
+    lift_elevator: float
     altitude_kp: float
     altitude_ki: float
     climb_kp: float
-    turn_pitch: float
+    lift_pitch: float
+    trim_airspeed: float
     altitude_error_max: float
     pitch_min: float
     pitch_max: float
     airspeed_kp: float
     airspeed_ki: float
+    energy_kp: float
     course_kp: float
     bank_max: float
     elevator_max: float
@@ -72,7 +74,10 @@ class Command(NamedTuple):
 
 
 class State(NamedTuple):
-    """bank_ref, pitch_ref: references of the inner loops at the last step, rad. The integrals hold the trim."""
+    """bank_ref, pitch_ref:
+
+    references of the inner loops at the last step, rad. The integrals hold the trim.
+    """
 
     bank_ref: float
     pitch_ref: float
@@ -92,8 +97,8 @@ def init(gains: Gains, trim: Command, z: Measured) -> State:
         bank_ref=z.phi,
         pitch_ref=z.theta,
         bank_integral=trim.aileron_left - gains.roll_rate_kp * z.p,
-        pitch_integral=trim.elevator - loops.pitch_feed(gains, z),
-        altitude_integral=z.theta - loops.altitude_feed(gains, z),
+        pitch_integral=trim.elevator - loops.pitch_feed(gains, z.airspeed, z),
+        altitude_integral=z.theta - loops.altitude_feed(gains, z.airspeed, z),
         airspeed_integral=trim.throttle,
         rudder=trim.rudder,
     )
@@ -105,7 +110,7 @@ def step(g: Gains, s: State, ref: Reference, z: Measured, dt: float) -> tuple[St
     """One control step of dt seconds: (next state, commands within their limits)."""
     phi_ref = bank_reference(g, ref, z)
     ih, theta_ref = altitude_hold(g, s.altitude_integral, z.altitude, ref, z, dt)
-    it, de = pitch_hold(g, s.pitch_integral, theta_ref, z, -g.elevator_max, g.elevator_max, dt)
+    it, de = pitch_hold(g, s.pitch_integral, theta_ref, ref, z, -g.elevator_max, g.elevator_max, dt)
     ib, da = bank_hold(g, s.bank_integral, phi_ref, z.phi, z.p, g.aileron_max, dt)
-    iv, throttle = airspeed_hold(g, s.airspeed_integral, z.airspeed, ref, dt)
+    iv, throttle = airspeed_hold(g, s.airspeed_integral, z.airspeed, z.altitude, ref, dt)
     return State(phi_ref, theta_ref, ib, it, ih, iv, s.rudder), Command(de, da, -da, s.rudder, throttle)

@@ -12,9 +12,10 @@ gyros of 0.08 rad/s and attitude of 0.1 deg a sample at 50 Hz:
     c/d at 1 Hz            aileron 0.65, elevator 0.65, rudder 0.76
     max |S|, phase margin  aileron 1.56, 43 deg; elevator 1.56, 44 deg; rudder 1.55, 60 deg
     gain margins           at least 11.9 dB up, 30 dB down
+    bandwidths             altitude 0.41, airspeed 0.44, course 0.26 rad/s
 
-The rudder holds sideslip to zero by its integral: a rudder that sticks off centre is then answered by a rudder
-command that runs away from it, where without the integral the sideslip alone would balance it.
+The rudder holds sideslip to zero by its integral: a rudder that sticks off centre is then answered by a
+rudder command that runs away from it, where without the integral the sideslip alone would balance it.
 
 Attitude and rates go through a filter that knows they are angle and derivative (steady-state Kalman gains of
 phi'' = white noise at the control period, gyros as noisy as published); measured yaw rate gets a slower one.
@@ -22,8 +23,8 @@ Surfaces in the file's signs: ailerons and elevators trailing edge up, rudder ya
 
     phi_ref   = k_psi (psi_ref - psi), limited
     da        = (k_phi + k_iphi/s) (phi_ref - phi) - k_p p          aileron_left = -da, aileron_right = da
-    theta_ref = (k_h + k_ih/s) (h_ref - h) - k_hd h' + turn feed-forward, limited
-    de        = (k_theta + k_itheta/s) (theta_ref - theta) - k_q q + turn feed-forward        both elevators
+    theta_ref = (k_h + k_ih/s) (h_ref - h) - k_hd h' + lift feed-forward, limited
+    de        = (k_theta + k_itheta/s) (theta_ref - theta) - k_q q + lift feed-forward        both elevators
     dr        = k_ibeta/s beta - k_r (r - g sin(phi)/V)                               beta low-passed
     throttle  = (k_v + k_iv/s) (V_ref - V)
 """
@@ -67,16 +68,18 @@ class Gains(NamedTuple):
     pitch_kp: float
     pitch_ki: float
     pitch_rate_kp: float
-    turn_elevator: float
+    lift_elevator: float
     altitude_kp: float
     altitude_ki: float
     climb_kp: float
-    turn_pitch: float
+    lift_pitch: float
+    trim_airspeed: float
     altitude_error_max: float
     pitch_min: float
     pitch_max: float
     airspeed_kp: float
     airspeed_ki: float
+    energy_kp: float
     course_kp: float
     bank_max: float
     altitude_pole: float
@@ -160,8 +163,9 @@ def init(gains: Gains, trim: Command, z: Measured) -> State:
         bank_ref=z.phi,
         pitch_ref=z.theta,
         bank_integral=0.5 * (trim.aileron_right - trim.aileron_left) - gains.roll_rate_kp * z.p,
-        pitch_integral=0.5 * (trim.elevator_left + trim.elevator_right) - loops.pitch_feed(gains, z),
-        altitude_integral=z.theta - loops.altitude_feed(gains, z),
+        pitch_integral=0.5 * (trim.elevator_left + trim.elevator_right)
+        - loops.pitch_feed(gains, z.airspeed, z),
+        altitude_integral=z.theta - loops.altitude_feed(gains, z.airspeed, z),
         airspeed_integral=trim.throttle,
         rudder_integral=trim.rudder - gains.yaw_rate_kp * _yaw_beyond_turn(z),
         sideslip=z.beta,
@@ -213,12 +217,12 @@ def step(g: Gains, s: State, ref: Reference, z: Measured, dt: float) -> tuple[St
     z = _filtered(g, s, z, dt)
     phi_ref = bank_reference(g, ref, z)
     ih, theta_ref = altitude_hold(g, s.altitude_integral, z.altitude, ref, z, dt)
-    it, de = pitch_hold(g, s.pitch_integral, theta_ref, z, -g.elevator_max, g.elevator_max, dt)
+    it, de = pitch_hold(g, s.pitch_integral, theta_ref, ref, z, -g.elevator_max, g.elevator_max, dt)
     ib, da = bank_hold(g, s.bank_integral, phi_ref, z.phi, z.p, g.aileron_max, dt)
     beta = lag(s.sideslip, z.beta, g.sideslip_pole, dt)
     damper = g.yaw_rate_kp * _yaw_beyond_turn(z)
     ir, dr = pi_control(0.0, g.sideslip_ki, s.rudder_integral, beta, damper, -g.rudder_max, g.rudder_max, dt)
-    iv, throttle = airspeed_hold(g, s.airspeed_integral, z.airspeed, ref, dt)
+    iv, throttle = airspeed_hold(g, s.airspeed_integral, z.airspeed, z.altitude, ref, dt)
     return (
         State(
             phi_ref, theta_ref, ib, it, ih, iv, ir, beta,

@@ -98,10 +98,11 @@ def plan(
     >>> len(p.north), p.airspeed.tolist()
     (4, [15.4])
     """
-    t = np.atleast_1d(np.asarray(t_s, float))
+    t = np.ascontiguousarray(np.atleast_1d(np.asarray(t_s, float)))
     columns = {}
     for name, value in (("airspeed", airspeed), ("altitude", altitude), ("angle", angle)):
-        column = np.atleast_1d(np.asarray(value, float))
+        # Contiguous, so that one compiled loop serves every plan.
+        column = np.ascontiguousarray(np.atleast_1d(np.asarray(value, float)))
         column = np.full(len(t), column[0]) if len(column) == 1 else column
         if len(column) != len(t) or not np.isfinite(column).all():
             raise WrongUse(
@@ -112,7 +113,7 @@ def plan(
         raise WrongUse(f"plan: times must be finite and never decrease, got {t_s}")
     if lateral not in (BANK, HEADING, COURSE, TRACK):
         raise WrongUse(f"plan: lateral is one of BANK, HEADING, COURSE, TRACK (0 to 3), got {lateral}")
-    n, e = np.asarray(north, float).ravel(), np.asarray(east, float).ravel()
+    n, e = np.ravel(np.asarray(north, float)).copy(), np.ravel(np.asarray(east, float)).copy()
     if len(n) != len(e) or not (np.isfinite(n).all() and np.isfinite(e).all()):
         raise WrongUse(
             f"plan: north and east need the same number of finite waypoints, got {len(n)} and {len(e)}"

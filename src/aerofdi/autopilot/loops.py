@@ -25,11 +25,13 @@ UNITS = {
     "pitch_kp": "rad/rad",
     "pitch_ki": "rad/(rad s)",
     "pitch_rate_kp": "rad/(rad/s)",
-    "turn_elevator": "rad",
+    "lift_elevator": "rad",
     "altitude_kp": "rad/m",
     "altitude_ki": "rad/(m s)",
     "climb_kp": "rad/(m/s)",
-    "turn_pitch": "rad",
+    "lift_pitch": "rad",
+    "trim_airspeed": "m/s",
+    "energy_kp": "1/s",
     "altitude_error_max": "m",
     "pitch_min": "rad",
     "pitch_max": "rad",
@@ -60,9 +62,13 @@ def turn_pitch_rate(phi: float, speed: float) -> float:
 
 
 @jit
-def load_rise(phi: float) -> float:
-    """How much more lift a level turn needs, as a share: 1/cos(phi) - 1, phi held within 70 deg."""
-    return 1.0 / cos(clip(phi, -1.22, 1.22)) - 1.0
+def lift_rise(g: Any, airspeed: float, phi: float) -> float:
+    """How much more lift coefficient than at trim_airspeed with wings level a level turn at this airspeed needs.
+
+    As a share of the latter: (trim_airspeed/V)^2 / cos(phi) - 1, phi held within 70 deg.
+    """
+    ratio = g.trim_airspeed / maximum(airspeed, 1.0)
+    return ratio * ratio / cos(clip(phi, -1.22, 1.22)) - 1.0
 
 
 @jit
@@ -87,7 +93,10 @@ def pi_control(
 
 @jit
 def bank_reference(g: Any, ref: Reference, z: Measured) -> float:
-    """Bank to fly, rad: course_kp times the heading or course error, or as the reference says; within bank_max."""
+    """Bank to fly, rad:
+
+    course_kp times the heading or course error, or as the reference says; within bank_max.
+    """
     ahead = atan2(z.velocity_east, z.velocity_north) if ref.lateral == COURSE else z.psi
     steered = ref.lateral == COURSE or ref.lateral == HEADING
     bank = g.course_kp * wrap(ref.course - ahead) if steered else ref.bank
@@ -103,37 +112,57 @@ def bank_hold(
 
 
 @jit
-def altitude_feed(g: Any, z: Measured) -> float:
-    """What the pitch reference gets besides the altitude error: damping by climb rate, more in a turn; rad."""
-    return g.turn_pitch * load_rise(z.phi) - g.climb_kp * z.climb_rate
+def altitude_feed(g: Any, airspeed: float, z: Measured) -> float:
+    """What the pitch reference gets besides the altitude error:
+
+    the lift wanted, damping by climb rate; rad.
+    """
+    return g.lift_pitch * lift_rise(g, airspeed, z.phi) - g.climb_kp * z.climb_rate
 
 
 @jit
 def altitude_hold(
     g: Any, integral: float, altitude: float, ref: Reference, z: Measured, dt: float
 ) -> tuple[float, float]:
-    """(integral, pitch reference): (altitude_kp + altitude_ki/s)(reference - altitude) + feed, all limited."""
+    """(integral, pitch reference):
+
+    (altitude_kp + altitude_ki/s)(reference - altitude) + feed, all limited.
+    """
     error = clip(ref.altitude - altitude, -g.altitude_error_max, g.altitude_error_max)
     return pi_control(
-        g.altitude_kp, g.altitude_ki, integral, error, altitude_feed(g, z), g.pitch_min, g.pitch_max, dt
+        g.altitude_kp,
+        g.altitude_ki,
+        integral,
+        error,
+        altitude_feed(g, ref.airspeed, z),
+        g.pitch_min,
+        g.pitch_max,
+        dt,
     )
 
 
 @jit
-def pitch_feed(g: Any, z: Measured) -> float:
-    """Pitch damper on the rate beyond that of the turn, and the elevator the turn needs, rad."""
-    return g.pitch_rate_kp * (z.q - turn_pitch_rate(z.phi, z.airspeed)) + g.turn_elevator * load_rise(z.phi)
+def pitch_feed(g: Any, airspeed: float, z: Measured) -> float:
+    """Pitch damper on the rate beyond that of the turn, and the elevator the lift wanted needs, rad."""
+    damper = g.pitch_rate_kp * (z.q - turn_pitch_rate(z.phi, z.airspeed))
+    return damper + g.lift_elevator * lift_rise(g, airspeed, z.phi)
 
 
 @jit
 def pitch_hold(
-    g: Any, integral: float, pitch_ref: float, z: Measured, lo: float, hi: float, dt: float
+    g: Any, integral: float, pitch_ref: float, ref: Reference, z: Measured, lo: float, hi: float, dt: float
 ) -> tuple[float, float]:
     """(integral, elevator within [lo, hi]): (pitch_kp + pitch_ki/s)(pitch_ref - theta) + feed."""
-    return pi_control(g.pitch_kp, g.pitch_ki, integral, pitch_ref - z.theta, pitch_feed(g, z), lo, hi, dt)
+    feed = pitch_feed(g, ref.airspeed, z)
+    return pi_control(g.pitch_kp, g.pitch_ki, integral, pitch_ref - z.theta, feed, lo, hi, dt)
 
 
 @jit
-def airspeed_hold(g: Any, integral: float, airspeed: float, ref: Reference, dt: float) -> tuple[float, float]:
-    """(integral, throttle within [0, 1]): (airspeed_kp + airspeed_ki/s)(reference - airspeed)."""
-    return pi_control(g.airspeed_kp, g.airspeed_ki, integral, ref.airspeed - airspeed, 0.0, 0.0, 1.0, dt)
+def airspeed_hold(
+    g: Any, integral: float, airspeed: float, altitude: float, ref: Reference, dt: float
+) -> tuple[float, float]:
+    """(integral, throttle within [0, 1]): (airspeed_kp + airspeed_ki/s) times the airspeed error plus energy_kp times
+    the altitude error (limited), so that the throttle answers a lack of energy and not of speed alone."""
+    height = clip(ref.altitude - altitude, -g.altitude_error_max, g.altitude_error_max)
+    error = ref.airspeed - airspeed + g.energy_kp * height
+    return pi_control(g.airspeed_kp, g.airspeed_ki, integral, error, 0.0, 0.0, 1.0, dt)

@@ -53,16 +53,18 @@ class Gains(NamedTuple):
     pitch_kp: float
     pitch_ki: float
     pitch_rate_kp: float
-    turn_elevator: float
+    lift_elevator: float
     altitude_kp: float
     altitude_ki: float
     climb_kp: float
-    turn_pitch: float
+    lift_pitch: float
+    trim_airspeed: float
     altitude_error_max: float
     pitch_min: float
     pitch_max: float
     airspeed_kp: float
     airspeed_ki: float
+    energy_kp: float
     lowpass_pole: float
     course_kp: float
     bank_max: float
@@ -90,8 +92,7 @@ UNITS = loops.UNITS | {
 
 
 class Command(NamedTuple):
-    """Surfaces in rad: elevator and ailerons trailing edge down, rudders trailing edge left positive. throttle 0-1.
-    """
+    """Surfaces in rad: elevator and ailerons trailing edge down, rudders trailing edge left positive. throttle 0-1."""
 
     elevator: float
     aileron_left: float
@@ -128,8 +129,8 @@ def init(gains: Gains, trim: Command, z: Measured) -> State:
         bank_ref=z.phi,
         pitch_ref=z.theta,
         bank_integral=trim.aileron_right - gains.roll_rate_kp * z.p,
-        pitch_integral=trim.elevator - loops.pitch_feed(gains, z),
-        altitude_integral=z.theta - loops.altitude_feed(gains, z),
+        pitch_integral=trim.elevator - loops.pitch_feed(gains, z.airspeed, z),
+        altitude_integral=z.theta - loops.altitude_feed(gains, z.airspeed, z),
         airspeed_integral=trim.throttle,
         beta_integral=trim.rudder_top + gains.beta_kp * z.beta - gains.yaw_rate_kp * z.r,
         altitude=z.altitude,
@@ -155,10 +156,10 @@ def step(g: Gains, s: State, ref: Reference, z: Measured, dt: float) -> tuple[St
     )
     phi_ref = bank_reference(g, ref, z)
     ih, theta_ref = altitude_hold(g, s.altitude_integral, altitude, ref, z, dt)
-    it, de = pitch_hold(g, s.pitch_integral, theta_ref, z, -g.elevator_max, g.elevator_max, dt)
+    it, de = pitch_hold(g, s.pitch_integral, theta_ref, ref, z, -g.elevator_max, g.elevator_max, dt)
     ib, da = bank_hold(g, s.bank_integral, phi_ref, z.phi, z.p, g.aileron_max, dt)
     ir, dr = _rudder(g, s, z, dt)
-    iv, throttle = airspeed_hold(g, s.airspeed_integral, airspeed, ref, dt)
+    iv, throttle = airspeed_hold(g, s.airspeed_integral, airspeed, altitude, ref, dt)
     yaw_rate = lag(s.yaw_rate, z.r, g.washout_pole, dt)
     return (
         State(phi_ref, theta_ref, ib, it, ih, iv, ir, altitude, airspeed, yaw_rate),
