@@ -81,3 +81,20 @@ def test_innovations_of_the_rate_filter_are_white_with_the_stated_variance(noise
     assert np.var(e) == pytest.approx(f.s, rel=0.03)
     for lag in (1, 2, 5, 20):
         assert abs(np.corrcoef(e[:-lag], e[lag:])[0, 1]) < 4.5 / math.sqrt(n)
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.floats(-40, -0.5), st.floats(0.1, 5), st.floats(1e-4, 20), st.floats(1e-6, 5), st.floats(1e-5, 0.1))
+def test_the_steady_gain_solves_the_riccati_equation(a, t_d, s_d, s_c, s_v):
+    noise, dt = Disturbance(t_d, s_d, 60.0, s_c, s_v), 0.02
+    f = rate_filter(a, noise, dt)
+    m = np.array([[a, 1.0, 1.0], [0.0, -1 / t_d, 0.0], [0.0, 0.0, -1 / 60.0]])
+    q = held_noise(m, np.diag([0.0, 2 * s_d**2 / t_d, 2 * s_c**2 / 60.0]), dt) + 1e-12 * s_v**2 * np.eye(3)
+    # Plain iteration of the filter's covariance ends at the same gain.
+    p = q.copy()
+    for _ in range(15_000):
+        k = p[:, 0] / (p[0, 0] + s_v**2)
+        p = f.ad @ (p - np.outer(k, p[0])) @ f.ad.T + q
+    np.testing.assert_allclose(f.k, p[:, 0] / (p[0, 0] + s_v**2), rtol=2e-4, atol=1e-6)
+    closed = f.ad @ (np.eye(3) - np.outer(f.k, [1.0, 0.0, 0.0]))
+    assert np.abs(np.linalg.eigvals(closed)).max() < 1.0
