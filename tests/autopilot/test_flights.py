@@ -154,3 +154,29 @@ def test_vireo_stays_wings_level_with_an_elevon_stuck_anywhere_in_the_tolerable_
     change = np.mean(truth(flight, "airspeed")[end]) - 15.4
     assert np.sign(change) == np.sign(angle) or abs(angle) <= 1.0
     assert np.max(np.abs(truth(flight, "p")[(t > 20.0) & (t < 23.0)])) > 0.02
+
+
+@pytest.mark.parametrize(("surface", "side"), [("rudder_top", 1.0), ("rudder_bottom", -1.0)])
+def test_ultra_stick_flies_on_straight_with_half_its_rudder_hard_over(surface: str, side: float) -> None:
+    """As the split-rudder paper describes: yaw left, roll right, sideslip; then the other half balances.
+
+    The ailerons' change from trim at the end, +-0.31 deg, is what the paper tells the halves apart by.
+    """
+    fault = Fault(surface, "stuck", 5.0, value=math.radians(25.0))
+    level = Guidance("heading", (Point(0.0, 23.0, 100.0, math.radians(155.0)),))
+    s = scenario(CASES[1], 150.0, guidance=level, faults=(fault,))
+    flight = fly(Scenario(**{**s.__dict__, "start": Start(23.0, 100.0, math.radians(155.0))}))
+    t = flight.truth["p"].t_s
+    soon = np.searchsorted(t, 5.4)
+    assert (
+        truth(flight, "r")[soon] < -0.2
+        and truth(flight, "p")[soon] > 0.02
+        and truth(flight, "beta")[soon] > 0.05
+    )
+    command = {n: np.degrees(flight.measured[f"command.{n}"].value) for n in ("rudder_top", "aileron_right")}
+    assert command["rudder_top"][-1] == pytest.approx(-25.0, abs=0.3)
+    assert abs(math.degrees(truth(flight, "beta")[-1])) < 0.05
+    assert abs(math.degrees(truth(flight, "psi")[-1]) - 155.0) < 0.1
+    change = command["aileron_right"][-1] - command["aileron_right"][0]
+    assert change == pytest.approx(side * 0.313, abs=0.04)
+    assert np.max(np.abs(truth(flight, "phi"))) < math.radians(15.0)
