@@ -1,11 +1,13 @@
 """What a synthesis proves, computed again from the formulas, between the nodes as well as on them.
 
-Scaled eigenvalue of a matrix F that should be negative: its largest eigenvalue over its largest absolute one. A value
-below LIMIT = 1e-6 counts as negative: double precision does not carry the sign further through matrices of this size.
+Scaled eigenvalue of a matrix F that should be negative: its largest eigenvalue over its largest absolute one.
+A value below LIMIT = 1e-6 counts as negative: double precision does not carry the sign further through
+matrices of this size.
 """
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +15,7 @@ import numpy as np
 from ..core import Array
 from .estimator import Estimation, Extended, Filter, Options, Solution, apply, extend
 from .lpv import interpolate
-from .synthesis import filter_matrices, null_space, solved
+from .synthesis import inverse, null_space, solved
 
 LIMIT = 1e-6
 
@@ -47,7 +49,7 @@ def _rates(sol: Solution, options: Options) -> tuple[float, ...]:
 def _at(sol: Solution, V: Array) -> tuple[Array, Array, Array, Array]:
     """X, Z and their slopes in V over the airspeeds, (N, n, n) each."""
     f, s = sol.basis.values(V), sol.basis.slopes(V)
-    return tuple(np.einsum("kb,bij->kij", c, P) for c in (f, s) for P in (sol.X, sol.Z))  # type: ignore[return-value]
+    return tuple(np.einsum("kb,bij->kij", c, P) for c in (f, s) for P in (sol.X, sol.Z))
 
 
 def _multiplier(e: Extended, sol: Solution) -> Array:
@@ -81,16 +83,26 @@ def check_lmis(problem: Estimation, sol: Solution, options: Options, V: Array) -
     return LmiCheck(e.V, *out)
 
 
+def _scaled_core(problem: Estimation, sol: Solution, f: Filter) -> tuple[Array, ...]:
+    """(A, A_rate, B, C, D) of y -> u = W deltahat in scaled coordinates, taken out of the finished filter.
+
+    A finished filter is [core; W^-1], see `synthesis.reconstruct`: its last states are those of W^-1.
+    """
+    n, s = sol.X.shape[1], sol.scaling
+    k = 1.0 / inverse(problem.error_weight).D[0, 0, 0] / s.estimand
+    r = np.sqrt(s.time)
+    return f.A[:, :n, :n] / s.time, f.A_rate[:, :n, :n], f.B[:, :n] / r, k * f.C[:, :, :n] / r, k * f.D
+
+
 def check_dissipation(problem: Estimation, sol: Solution, options: Options, f: Filter, V: Array) -> Array:
     """(N,) largest scaled eigenvalue of Sdot + z'Mz + |u - eps|^2 - gamma^2 |d|^2 over (x, xF, w, d).
 
     The loop of the plant at V with the filter as it is run: exact at the nodes f.V, linear in V between them.
-    S = x' Z x + (x - xF)' (X - Z) (x - xF). At most 0 means the gain is proved at that airspeed. Nominal filters have
-    Z = 0, so S does not see x itself and the value is 0 up to rounding.
+    S = x' Z x + (x - xF)' (X - Z) (x - xF). At most 0 means the gain is proved at that airspeed. Nominal
+    filters have Z = 0, so S does not see x itself and the value is 0 up to rounding.
     """
     e = apply(extend(problem, V), sol.scaling)
-    nodes = apply(extend(problem, f.V), sol.scaling)
-    A, R, B, C, D = (interpolate(f.V, m, e.V) for m in filter_matrices(nodes, sol))
+    A, R, B, C, D = (interpolate(f.V, m, e.V) for m in _scaled_core(problem, sol, f))
     X, Z, Xv, Zv = _at(sol, e.V)
     n, m = e.B.shape[1:]
     g2 = (sol.gamma / sol.scaling.estimand) ** 2
@@ -113,7 +125,9 @@ def check_dissipation(problem: Estimation, sol: Solution, options: Options, f: F
 
 
 def filter_poles(f: Filter, rate_bound: float, V: Array) -> Array:
-    """Frozen poles of the filter as it is run, over the airspeeds and the rates -bound, 0, bound: (3, N, n)."""
+    """Frozen poles of the filter as it is run, over the airspeeds and the rates -bound, 0, bound: (3, N,
+    n).
+    """
     A, R = interpolate(f.V, f.A, V), interpolate(f.V, f.A_rate, V)
     return np.linalg.eigvals(np.stack([A + r * R for r in (-rate_bound, 0.0, rate_bound)]))
 
@@ -123,7 +137,8 @@ def certificate(
 ) -> dict[str, Any]:
     """Everything a reader needs to trust or distrust a filter, as plain numbers and strings.
 
-    on_grid_only: a scaled eigenvalue above LIMIT remains between the nodes, so gamma is proved at the nodes alone.
+    on_grid_only: a scaled eigenvalue above LIMIT remains between the nodes, so gamma is proved at the nodes
+    alone.
     """
     dense = np.linspace(sol.nodes[0], sol.nodes[-1], points) if len(sol.nodes) > 1 else sol.nodes
     at_nodes, between = check_lmis(problem, sol, options, sol.nodes), check_lmis(problem, sol, options, dense)
@@ -153,9 +168,11 @@ def certificate(
 
 
 def refine(V: Array, check: Array, dense: Array, most: int = 6) -> Array:
-    """The nodes plus the worst point of each interval where the check exceeds LIMIT, at most `most` new ones."""
+    """The nodes plus the worst point of each interval where the check exceeds LIMIT, at most `most` new
+    ones.
+    """
     bad = []
-    for lo, hi in zip(V[:-1], V[1:], strict=True):
+    for lo, hi in itertools.pairwise(V):
         inside = np.flatnonzero((dense > lo + 1e-9) & (dense < hi - 1e-9))
         if len(inside) and check[inside].max() > LIMIT:
             j = inside[np.argmax(check[inside])]

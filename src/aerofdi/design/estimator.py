@@ -1,48 +1,55 @@
 """Output-estimation filters with a guaranteed gain: nominal or robust, frozen or gain-scheduled.
 
-The plant (on nodes of the airspeed V, |Vdot| <= rate bound) maps (w, d) to (v, delta, y); w = Delta v with any causal
-||Delta|| <= 1 that satisfies the integral quadratic constraint of the multiplier below. Wanted: a filter y -> deltahat such that
+The plant (on nodes of the airspeed V, |Vdot| <= rate bound) maps (w, d) to (v, delta, y); w = Delta v with
+any causal ||Delta|| <= 1 that satisfies the integral quadratic constraint of the multiplier below. Wanted: a
+filter y -> deltahat such that
 
-    ||W (deltahat - delta)|| <= gamma ||d||     along every airspeed trajectory within the nodes and the rate bound.
+    ||W (deltahat - delta)|| <= gamma ||d||     along every airspeed trajectory within the nodes and the rate
+    bound.
 
 W is square, stable with a stable inverse: the filter estimates u = W deltahat and W^-1 is put behind it.
-With psi = filtered [v; w], z = C1 x + D1 (w, d), eps = W delta = C2 x + D2 (w, d), y = C3 x + D3 (w, d), a diagonal
-multiplier M, X(V) and Z(V) symmetric and polynomial in V, N = null([C3 D3]), at every node and both rates Vdot:
+With psi = filtered [v; w], z = C1 x + D1 (w, d), eps = W delta = C2 x + D2 (w, d), y = C3 x + D3 (w, d), a
+diagonal multiplier M, X(V) and Z(V) symmetric and polynomial in V, N = null([C3 D3]), at every node and both
+rates Vdot:
 
-    (X)  N' { He([I 0]' X [A B]) + [Xdot 0; 0 0] + [C2 D2]'[C2 D2] + [C1 D1]' M [C1 D1] - gamma^2 diag(0, 0, I) } N < 0
-    (Z)       He([I 0]' Z [A B]) + [Zdot 0; 0 0]                   + [C1 D1]' M [C1 D1] - gamma^2 diag(0, 0, I)     < 0
-    (Q)  X - Z > 0
+    (X)  N' { He([I 0]' X [A B]) + [Xdot 0; 0 0] + [C2 D2]'[C2 D2] + [C1 D1]' M [C1 D1] - gamma^2 diag(0, 0,
+    I) } N < 0 (Z)       He([I 0]' Z [A B]) + [Zdot 0; 0 0]                   + [C1 D1]' M [C1 D1] - gamma^2
+    diag(0, 0, I)     < 0 (Q)  X - Z > 0
 
-Everything is affine in (X, Z, M, gamma^2). Derivation: with the storage S = x' Z x + (x - xF)' (X - Z) (x - xF) the worst case over
-(x, w, d) compatible with y of Sdot + z' M z + |eps - u|^2 - gamma^2 |d|^2 is concave by (X); xF' is the multiplier of
-x = xF, so the saddle lies at x = xF, u = eps, and its value is negative by (Z). The conditions are exact for the chosen basis.
-Without uncertainty Z = 0 and (X) alone is the Kalman-Yakubovich form of the H-infinity filter.
+Everything is affine in (X, Z, M, gamma^2). Derivation: with the storage S = x' Z x + (x - xF)' (X - Z) (x -
+xF) the worst case over (x, w, d) compatible with y of Sdot + z' M z + |eps - u|^2 - gamma^2 |d|^2 is concave
+by (X); xF' is the multiplier of x = xF, so the saddle lies at x = xF, u = eps, and its value is negative by
+(Z). The conditions are exact for the chosen basis. Without uncertainty Z = 0 and (X) alone is the
+Kalman-Yakubovich form of the H-infinity filter.
 
-Multiplier x(jw) = c + sum_i [ l_i a_i^2 + h_i w^2 ] / (w^2 + a_i^2), all coefficients >= 0; for one pole this is every
-m0 + m2 a^2/(w^2 + a^2) >= 0. Z may be indefinite: S along the loop of a stable plant follows from positive-negative
-multipliers (Pfifer and Seiler 2016). Not modelled: several uncertainty blocks, non-square W.
+Multiplier x(jw) = c + sum_i [ l_i a_i^2 + h_i w^2 ] / (w^2 + a_i^2), all coefficients >= 0; for one pole this
+is every m0 + m2 a^2/(w^2 + a^2) >= 0. Z may be indefinite: S along the loop of a stable plant follows from
+positive-negative multipliers (Pfifer and Seiler 2016). Not modelled: several uncertainty blocks, non-square
+W.
 
-Symbols: g2 = gamma^2, ne = inputs, E = diag(0 for w, 1 for d). Sources: paper "vireo_comparison" section 3.2.1 states the problem
-(Venkataraman and Seiler 2018, Theorem 2, not read); the conditions are derived as above.
+Symbols: g2 = gamma^2, ne = inputs, E = diag(0 for w, 1 for d). Sources: paper "vireo_comparison" section
+3.2.1 states the problem (Venkataraman and Seiler 2018, Theorem 2, not read); the conditions are derived as
+above.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..core import Array, CannotJudge, WrongUse
-from .lmi import ALMOST, SOLVED, Outcome, Problem, Progress, product_map, triangle, unpack
-from .lpv import Basis, Gridded, basis_for, connect, gridded
+from .lmi import Outcome
+from .lpv import Basis, Gridded, connect, gridded
 
 
 class Estimation(NamedTuple):
     """What is to be estimated.
 
     model: nodes V -> the plant with named signals. estimand: the output delta. error_weight: W as a one-input
-    one-output system (den order = num order). uncertainty: (input w, output v) or None. psi_poles: a_i, rad/s.
+    one-output system (den order = num order). uncertainty: (input w, output v) or None. psi_poles: a_i,
+    rad/s.
     """
 
     model: Callable[[Array], Gridded]
@@ -55,10 +62,12 @@ class Estimation(NamedTuple):
 
 
 class Options(NamedTuple):
-    """How it is solved. rate_bound: m/s^2. backoff: the second stage allows backoff * optimal gamma and widens X - Z.
+    """How it is solved. rate_bound: m/s^2. backoff: the second stage allows backoff * optimal gamma and
+    widens X - Z.
 
-    margin, margin2: every LMI holds with this much to spare in the scaled coordinates, first and second stage.
-    multiplier_cost: price of the multiplier coefficients beside gamma^2, without which they may run off to infinity.
+    margin, margin2: every LMI holds with this much to spare in the scaled coordinates, first and second
+    stage. multiplier_cost: price of the multiplier coefficients beside gamma^2, without which they may run
+    off to infinity.
     """
 
     rate_bound: float = 0.0
@@ -79,7 +88,9 @@ class Options(NamedTuple):
 
 
 class Filter(NamedTuple):
-    """xF' = (A + Vdot A_rate) xF + B y, deltahat = C xF + D y on nodes V; shapes as in Gridded, A_rate like A."""
+    """xF' = (A + Vdot A_rate) xF + B y, deltahat = C xF + D y on nodes V; shapes as in Gridded, A_rate like
+    A.
+    """
 
     V: Array
     A: Array
@@ -98,7 +109,9 @@ class Filter(NamedTuple):
 
 
 class Extended(NamedTuple):
-    """Plant, error weight and psi in one state, scaled: see `Scaling`. E: (m,) 1 for d, 0 for w. G: (ng, nz) generators of M."""
+    """Plant, error weight and psi in one state, scaled: see `Scaling`. E: (m,) 1 for d, 0 for w. G: (ng, nz)
+    generators of M.
+    """
 
     V: Array
     A: Array
@@ -123,7 +136,9 @@ class Scaling(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """Storage coefficients (degree + 1, n, n), multiplier coefficients and gamma, in scaled coordinates, with all that made them."""
+    """Storage coefficients (degree + 1, n, n), multiplier coefficients and gamma, in scaled coordinates, with
+    all that made them.
+    """
 
     X: Array
     Z: Array
@@ -140,8 +155,8 @@ class Solution(NamedTuple):
 def multiplier_generators(poles: Sequence[float]) -> Array:
     """Rows: diagonal of M for each generator 1, low-pass_i, high-pass_i over z = [v; psi_v,i; w; psi_w,i].
 
-    The low-pass rows are 1/(s + a_i) with s in rad/s (their coefficients are then of the size of the others, which a/(s + a)
-    is not where a is small).
+    The low-pass rows are 1/(s + a_i) with s in rad/s (their coefficients are then of the size of the others,
+    which a/(s + a) is not where a is small).
     """
     k = len(poles) + 1
     one = np.eye(k)
@@ -197,9 +212,11 @@ def extend(problem: Estimation, V: Array) -> Extended:
 
 
 def balance(A: Array, B: Array, C: Array, normal: float = 0.5) -> Array:
-    """T of x = T x_b for a stable system, with Gramians Wc = S^(1 + 2 normal), Wo = S^(1 - 2 normal), S the Hankel values.
+    """T of x = T x_b for a stable system, with Gramians Wc = S^(1 + 2 normal), Wo = S^(1 - 2 normal), S the
+    Hankel values.
 
-    normal = 0 is balanced, 0.5 output-normal, -0.5 input-normal. Weak directions are kept at 1e-12 of the strongest.
+    normal = 0 is balanced, 0.5 output-normal, -0.5 input-normal. Weak directions are kept at 1e-12 of the
+    strongest.
     """
     from scipy.linalg import solve_continuous_lyapunov
 
@@ -229,7 +246,9 @@ def scaling_for(e: Extended, options: Options) -> Scaling:
 
 
 def apply(e: Extended, s: Scaling) -> Extended:
-    """The same plant in scaled coordinates; gamma relates scaled eps to d, so gamma = scaled gamma * s.estimand."""
+    """The same plant in scaled coordinates; gamma relates scaled eps to d, so gamma = scaled gamma *
+    s.estimand.
+    """
     Ti, r = np.linalg.inv(s.T), np.sqrt(s.time)
     wcol = np.where(e.E > 0, 1.0, s.w)
     return e._replace(

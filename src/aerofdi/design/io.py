@@ -34,7 +34,9 @@ def _plain(value: Any, where: str) -> Any:
 
 
 def _digest(arrays: Mapping[str, np.ndarray]) -> str:
-    """SHA-256 over names, shapes and values, so that a TOML file and a foreign npz are never taken for a pair."""
+    """SHA-256 over names, shapes and values, so that a TOML file and a foreign npz are never taken for a
+    pair.
+    """
     h = hashlib.sha256()
     for name in sorted(arrays):
         a = np.ascontiguousarray(arrays[name])
@@ -78,7 +80,7 @@ def save_design(design: Design, path: str | Path) -> Path:
         "arrays": {k: {"shape": list(a.shape), "dtype": a.dtype.name} for k, a in arrays.items()},
     }
     target.parent.mkdir(parents=True, exist_ok=True)
-    _write(target.with_suffix(".npz"), lambda file: np.savez_compressed(file, **arrays))
+    _write(target.with_suffix(".npz"), lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
     _write(target, lambda file: tomli_w.dump(table, file))
     return target
 
@@ -89,7 +91,7 @@ def load_design(path: str | Path) -> Design:
     try:
         with source.open("rb") as file:
             table = tomllib.load(file)
-        with np.load(source.with_suffix(".npz"), allow_pickle=False) as z:
+        with source.with_suffix(".npz").open("rb") as file, np.load(file, allow_pickle=False) as z:
             arrays = {k: z[k] for k in z.files}
     except Exception as error:
         raise UnreadableFile(
@@ -103,7 +105,8 @@ def load_design(path: str | Path) -> Design:
         )
     if _digest(arrays) != table["arrays_sha256"]:
         raise UnreadableFile(
-            f"{source}: its arrays are not those of {source.with_suffix('.npz').name}; make both again with `aerofdi design`"
+            f"{source}: its arrays are not those of {source.with_suffix('.npz').name}; "
+            f"make both again with `aerofdi design`"
         )
     return Design(
         table["method"], table["spec"], table.get("aircraft_hash", ""), arrays, table["certificate"]

@@ -1,6 +1,7 @@
 """Linear matrix inequalities, assembled directly for Clarabel and always re-evaluated afterwards.
 
-    minimise c'theta  subject to  F_b(theta) = F_b0 + sum_k theta_k F_bk <= -margin_b I for every block b,  theta_k >= 0 for k in a list
+    minimise c'theta  subject to  F_b(theta) = F_b0 + sum_k theta_k F_bk <= -margin_b I for every block b,
+    theta_k >= 0 for k in a list
 
 Symmetric matrix unknowns are held by their upper triangle, column by column.
 """
@@ -39,7 +40,9 @@ def triangle(n: int) -> tuple[Array, Array]:
 
 
 def svec(F: Array) -> Array:
-    """Upper triangles (..., n(n+1)/2), off-diagonal entries times sqrt 2, so that <F, G> = svec(F) . svec(G)."""
+    """Upper triangles (..., n(n+1)/2), off-diagonal entries times sqrt 2, so that <F, G> = svec(F) .
+    svec(G).
+    """
     r, c = triangle(F.shape[-1])
     return np.asarray(F[..., r, c] * np.where(r == c, 1.0, np.sqrt(2.0)))
 
@@ -54,7 +57,9 @@ def unpack(theta: Array, n: int) -> Array:
 
 
 def product_map(U: Array, W: Array) -> Array:
-    """Matrix of the linear map triangle(P) -> svec(U' P W + W' P U): (m(m+1)/2, n(n+1)/2); U, W are (n, m)."""
+    """Matrix of the linear map triangle(P) -> svec(U' P W + W' P U): (m(m+1)/2, n(n+1)/2); U, W are (n,
+    m).
+    """
     n, m = U.shape
     r, c = triangle(n)
     i, j = triangle(m)
@@ -95,7 +100,9 @@ class Problem:
         raise KeyError(name)
 
     def block(self, constant: Array, terms: dict[str, Array], margin: float) -> None:
-        """F = constant + sum over unknowns of terms[name] @ theta[name] <= -margin I; terms are (m(m+1)/2, size)."""
+        """F = constant + sum over unknowns of terms[name] @ theta[name] <= -margin I; terms are (m(m+1)/2,
+        size).
+        """
         m = constant.shape[0]
         F = np.zeros((m * (m + 1) // 2, self.count))
         for name, matrix in terms.items():
@@ -110,7 +117,9 @@ class Problem:
         gap: float = 1e-6,
         feasibility: float = 1e-8,
     ) -> Outcome:
-        """Minimise the objective with Clarabel to the relative gap and feasibility given; never longer than the limits."""
+        """Minimise the objective with Clarabel to the relative gap and feasibility given; never longer than
+        the limits.
+        """
         try:
             import clarabel
             from scipy import sparse

@@ -2,8 +2,8 @@
 
     x' = A(V) x + B(V) u,   y = C(V) x + D(V) u
 
-given at nodes of V and linear in V between them. Frozen (time-invariant) systems have one node. All blocks of one
-interconnection are given on the same nodes, or on one node, which then holds everywhere.
+given at nodes of V and linear in V between them. Frozen (time-invariant) systems have one node. All blocks of
+one interconnection are given on the same nodes, or on one node, which then holds everywhere.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from ..core import Array, WrongUse
 class Gridded(NamedTuple):
     """A linear parameter-varying system on nodes of the airspeed.
 
-    V: (N,) increasing, m/s. A: (N, n, n), B: (N, n, m), C: (N, p, n), D: (N, p, m). inputs: m names. outputs: p names.
+    V: (N,) increasing, m/s. A: (N, n, n), B: (N, n, m), C: (N, p, n), D: (N, p, m). inputs: m names. outputs:
+    p names.
     """
 
     V: Array
@@ -68,7 +69,8 @@ def _index(names: tuple[str, ...], name: str, what: str) -> int:
 
 
 def interpolate(V: Array, table: Array, v: Array) -> Array:
-    """Linear interpolation along the first axis of a table (N, ...) at v (k,), held beyond the ends: (k, ...).
+    """Linear interpolation along the first axis of a table (N, ...) at v (k,), held beyond the ends: (k,
+    ...).
 
     >>> interpolate(np.array([0.0, 1.0]), np.array([[0.0], [2.0]]), np.array([0.25, 3.0])).ravel()
     array([0.5, 2. ])
@@ -314,5 +316,5 @@ def from_control(V: Sequence[float] | Array, systems: Sequence[Any]) -> Gridded:
     if any(not getattr(s, "isctime", lambda: True)() for s in systems):
         raise WrongUse("from_control takes continuous-time systems; convert discrete ones first")
     first = systems[0]
-    mats = [np.array([np.asarray(getattr(s, k), float) for s in systems]) for k in "ABCD"]
-    return gridded(V, *mats, inputs=list(first.input_labels), outputs=list(first.output_labels))
+    A, B, C, D = (np.array([np.asarray(getattr(s, k), float) for s in systems]) for k in "ABCD")
+    return gridded(V, A, B, C, D, list(first.input_labels), list(first.output_labels))

@@ -1,23 +1,25 @@
 """The block diagrams of method B: closed-loop aircraft as seen by the two filters of `lpv_observer`.
 
-Lateral (Figures 6 and 7 of the paper), inputs w, du, dy1, dy2, dr and, where asked for, df; outputs v, delta, phi_cmd, phi_n, p_n:
+Lateral (Figures 6 and 7 of the paper), inputs w, du, dy1, dy2, dr and, where asked for, df; outputs v, delta,
+phi_cmd, phi_n, p_n:
 
     u_g = delta + w -> G -> phi, p                    v = W_Delta delta,  w = Delta v,  |Delta| <= 1
-    phi_cmd = Wr dr,  phi_n = phi + Wy1 dy1,  p_n = p + Wy2 dy2          the controller sees what the filter sees
-    xi' = phi_cmd - phi_n - leak xi
+    phi_cmd = Wr dr,  phi_n = phi + Wy1 dy1,  p_n = p + Wy2 dy2          the controller sees what the filter
+    sees xi' = phi_cmd - phi_n - leak xi
     delta_c = k_i xi + k_p (phi_cmd - phi_n) + k_d p_n,   delta = G_a (delta_c + Wu du) + Wf df
 
 Longitudinal (Figure 10), inputs w, du, dy and, where asked for, df; outputs v, delta, q_n:
 
     u_g = delta + w -> G -> q,   q_n = q + Wy dy,   delta_c = k_q q_n,   delta = G_a (delta_c + Wu du) + Wf df
 
-df is the fault: the difference between the true deflection and what the healthy actuator would give. The published diagrams
-have none, so their filters never see the loop opened by a stuck surface (see `lpv_observer`). A stuck surface is a step in df
-minus the loop's own reaction; Wf shapes it.
+df is the fault: the difference between the true deflection and what the healthy actuator would give. The
+published diagrams have none, so their filters never see the loop opened by a stuck surface (see
+`lpv_observer`). A stuck surface is a step in df minus the loop's own reaction; Wf shapes it.
 
-Signs: phi_n enters the roll controller without a minus of its own (k_p, k_i < 0 for a surface that rolls left when positive);
-k_q > 0 damps where positive elevator pitches down. leak makes the integrator of the design model stable and observable:
-xi' is a function of measured signals, so without it [C3 D3] has an invariant zero at s = 0; gamma does not change from 1e-4 to 1e-2 rad/s.
+Signs: phi_n enters the roll controller without a minus of its own (k_p, k_i < 0 for a surface that rolls left
+when positive); k_q > 0 damps where positive elevator pitches down. leak makes the integrator of the design
+model stable and observable: xi' is a function of measured signals, so without it [C3 D3] has an invariant
+zero at s = 0; gamma does not change from 1e-4 to 1e-2 rad/s.
 """
 
 from __future__ import annotations
@@ -57,8 +59,8 @@ class Ratio(NamedTuple):
 class Weights(NamedTuple):
     """Sizes of the normalised inputs and shapes over frequency (Tables 2 and 3).
 
-    actuator: Wu, rad. noise: Wy per measured motion, rad or rad/s. command: Wr, rad (0: none). uncertainty: W_Delta.
-    error: W, the inverse of the wanted sensitivity. fault: Wf; num 0 leaves the fault input out.
+    actuator: Wu, rad. noise: Wy per measured motion, rad or rad/s. command: Wr, rad (0: none). uncertainty:
+    W_Delta. error: W, the inverse of the wanted sensitivity. fault: Wf; num 0 leaves the fault input out.
     """
 
     actuator: float
@@ -70,7 +72,9 @@ class Weights(NamedTuple):
 
 
 class Controller(NamedTuple):
-    """Gains of the loop the aircraft flies in: roll k_p (rad/rad), k_i (1/s), k_d (s); pitch rate k_q (s); leak, rad/s."""
+    """Gains of the loop the aircraft flies in: roll k_p (rad/rad), k_i (1/s), k_d (s); pitch rate k_q (s);
+    leak, rad/s.
+    """
 
     kp: float = 0.0
     ki: float = 0.0
@@ -80,9 +84,11 @@ class Controller(NamedTuple):
 
 
 def delay_free_actuator(servo: Gridded, delay_s: float, pade: int = 5, drop: int = 2) -> Gridded:
-    """A servo behind a transport delay, rational: Pade approximation, balanced, `drop` states residualised (gain at rest kept).
+    """A servo behind a transport delay, rational: Pade approximation, balanced, `drop` states residualised
+    (gain at rest kept).
 
-    With wn = 62.8 rad/s, zeta = 0.77 and 0.05 s this is (18) of the paper within 0.004 at every frequency. Without a delay: the servo.
+    With wn = 62.8 rad/s, zeta = 0.77 and 0.05 s this is (18) of the paper within 0.004 at every frequency.
+    Without a delay: the servo.
     """
     servo = servo._replace(inputs=("x",), outputs=("y",))
     if not delay_s:
@@ -127,7 +133,9 @@ def _fault(weights: Weights, inputs: tuple[str, ...]) -> tuple[list[Gridded], tu
 
 
 def lateral_plant(model: Matrices, actuator: Gridded, weights: Weights, k: Controller, V: Array) -> Gridded:
-    """Figure 7. model: airspeeds -> (A (N, 4, 4), B (N, 4, 1)) with states v, p, r, phi and the aileron in rad."""
+    """Figure 7. model: airspeeds -> (A (N, 4, 4), B (N, 4, 1)) with states v, p, r, phi and the aileron in
+    rad.
+    """
     A, B = model(V)
     C = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 0.0]])
     fault, inputs = _fault(weights, ("w", "du", "dy1", "dy2", "dr"))
@@ -192,10 +200,11 @@ def estimation(
 def unweighted(
     axis: str, model: Matrices, actuator: Gridded, weights: Weights, k: Controller
 ) -> Callable[[Array], Gridded]:
-    """The loop with every weight one except W_Delta and the fault entering directly: inputs w, ..., df; for the analysis.
+    """The loop with every weight one except W_Delta and the fault entering directly: inputs w, ..., df; for
+    the analysis.
 
-    "-delta -> e" of Figures 9, 12 and 13 is read as: df added to the deflection behind the actuator, loop closed, to the
-    error deltahat - delta (sign dropped).
+    "-delta -> e" of Figures 9, 12 and 13 is read as: df added to the deflection behind the actuator, loop
+    closed, to the error deltahat - delta (sign dropped).
     """
     one = Ratio((1.0,), (1.0,))
     plain = weights._replace(actuator=1.0, noise=(1.0,) * len(weights.noise), command=1.0, fault=one)

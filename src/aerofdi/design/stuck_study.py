@@ -1,7 +1,8 @@
 """Choosing an observer by what it is for: stuck surfaces in closed-loop flight over the airspeed range.
 
-Every candidate sees the same flights: level legs and turns at several airspeeds, one surface stuck at an angle about trim, light
-turbulence. Candidates are `core.Diagnoser` values, so any bank can be compared, not only the filters of this room.
+Every candidate sees the same flights: level legs and turns at several airspeeds, one surface stuck at an
+angle about trim, light turbulence. Candidates are `core.Diagnoser` values, so any bank can be compared, not
+only the filters of this room.
 """
 
 from __future__ import annotations
@@ -34,9 +35,10 @@ class Case(NamedTuple):
 class Row(NamedTuple):
     """One diagnoser on one flight.
 
-    delay_s: first alarm after the fault, NaN where none within the window. first: the surface named first. false_alarm: any alarm
-    before the fault. error: median of estimate minus truth on the stuck surface, rad, 2 s after the fault to the end. healthy: largest
-    |residual| before the fault, rad; faulty: largest after it on the stuck surface. share_ok: samples with status OK after settling.
+    delay_s: first alarm after the fault, NaN where none within the window. first: the surface named first.
+    false_alarm: any alarm before the fault. error: median of estimate minus truth on the stuck surface, rad,
+    2 s after the fault to the end. healthy: largest |residual| before the fault, rad; faulty: largest after
+    it on the stuck surface. share_ok: samples with status OK after settling.
     """
 
     diagnoser: str
@@ -111,7 +113,9 @@ def stuck_study(
     altitude: float = 100.0,
     progress: Progress | None = None,
 ) -> list[Row]:
-    """Every diagnoser on every flight of airspeeds x angles (deg about trim) x surfaces x banks (deg) x seeds."""
+    """Every diagnoser on every flight of airspeeds x angles (deg about trim) x surfaces x banks (deg) x
+    seeds.
+    """
     cases = [
         Case(V, s, angle * DEG, bank * DEG, seed)
         for V in airspeeds
@@ -130,7 +134,9 @@ def stuck_study(
 
 
 def summary(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
-    """Per diagnoser: share detected, isolated among detected, false alarms, median delay, |error| and signal over noise."""
+    """Per diagnoser: share detected, isolated among detected, false alarms, median delay, |error| and signal
+    over noise.
+    """
     out = {}
     for name in dict.fromkeys(r.diagnoser for r in rows):
         mine = [r for r in rows if r.diagnoser == name]

@@ -40,7 +40,9 @@ class Given(NamedTuple):
 def _node_blocks(
     p: Problem, e: Extended, k: int, basis: Basis, s: Scaling, options: Options, given: Given | None
 ) -> None:
-    """Add (X), (Z) and (Q) of node k. given = None: gamma^2 and M are unknown; else X - Z >= t I with t unknown."""
+    """Add (X), (Z) and (Q) of node k. given = None: gamma^2 and M are unknown; else X - Z >= t I with t
+    unknown.
+    """
     n, m = e.B.shape[1:]
     robust = e.G.shape[0] > 0
     f, slope = basis.values(e.V[k : k + 1])[0], basis.slopes(e.V[k : k + 1])[0]
@@ -110,9 +112,9 @@ def _storage(p: Problem, theta: Array, name: str, n: int, basis: Basis) -> Array
 def _need(outcome: Outcome, what: str, V: Array) -> Array:
     if outcome.theta is None:
         raise CannotJudge(
-            f"{what} over {len(V)} airspeeds {V[0]:g} to {V[-1]:g} m/s ended with '{outcome.status}' after {outcome.iterations} "
-            f"iterations and {outcome.seconds:.0f} s; narrow the airspeed range, lower the rate bound or the uncertainty, or "
-            f"raise time_limit_s"
+            f"{what} over {len(V)} airspeeds {V[0]:g} to {V[-1]:g} m/s ended with '{outcome.status}' after "
+            f"{outcome.iterations} iterations and {outcome.seconds:.0f} s; narrow the airspeed range, lower the rate "
+            f"bound or the uncertainty, or raise time_limit_s"
         )
     return outcome.theta
 
@@ -120,7 +122,9 @@ def _need(outcome: Outcome, what: str, V: Array) -> Array:
 def _second_stage(
     e: Extended, basis: Basis, s: Scaling, options: Options, g2: float, m: Array
 ) -> tuple[Problem, Outcome, Array]:
-    """The widest X - Z at g2. Numerical trouble is met by a smaller margin, then by holding the multiplier of the first stage."""
+    """The widest X - Z at g2. Numerical trouble is met by a smaller margin, then by holding the multiplier of
+    the first stage.
+    """
     small = options._replace(margin2=0.1 * options.margin2)
     for o, held in ((options, None), (small, None), (small, m)):
         p, out = _stage(e, basis, s, o, Given(g2, held))
@@ -158,7 +162,9 @@ def solve(problem: Estimation, V: Array, options: Options, progress: Progress | 
 
 
 def filter_matrices(e: Extended, sol: Solution) -> tuple[Array, ...]:
-    """(A, A_rate, B, C, D) of the central filter y -> u on e's nodes, scaled, exactly as derived in estimator.py."""
+    """(A, A_rate, B, C, D) of the central filter y -> u on e's nodes, scaled, exactly as derived in
+    estimator.py.
+    """
     f, slope = sol.basis.values(e.V), sol.basis.slopes(e.V)
     g2 = (sol.gamma / sol.scaling.estimand) ** 2
     n, ny = e.A.shape[1], e.C3.shape[1]

@@ -1,19 +1,24 @@
-"""Worst-case gain of a parameter-varying system with one dynamic uncertainty: an upper bound, an exact frozen gain, a culprit.
+"""Worst-case gain of a parameter-varying system with one dynamic uncertainty: an upper bound, an exact frozen
+gain, a culprit.
 
-The system maps (w, d) to (v, e), w = Delta v, ||Delta|| <= bound, Delta linear and time-invariant, one signal in, one out.
+The system maps (w, d) to (v, e), w = Delta v, ||Delta|| <= bound, Delta linear and time-invariant, one signal
+in, one out.
 
-Upper bound over every airspeed trajectory within the nodes and |Vdot| <= rate bound: the least gamma for which symmetric
-P(V) = sum_k f_k(V) P_k (any sign) and multiplier coefficients m_i >= 0 exist with, at every node and both rates,
+Upper bound over every airspeed trajectory within the nodes and |Vdot| <= rate bound: the least gamma for
+which symmetric P(V) = sum_k f_k(V) P_k (any sign) and multiplier coefficients m_i >= 0 exist with, at every
+node and both rates,
 
-    He([I 0]' P [A B]) + [Pdot 0; 0 0] + sum_i m_i (z_vi' z_vi - z_wi' z_wi) + e' e - gamma^2 diag(0, 0, I) < 0
+    He([I 0]' P [A B]) + [Pdot 0; 0 0] + sum_i m_i (z_vi' z_vi - z_wi' z_wi) + e' e - gamma^2 diag(0, 0, I) <
+    0
 
-z_i = the signals through 1, a_i/(s + a_i) or s/(s + a_i). P may be indefinite because the multipliers are positive-negative and the
-frozen system is stable without Delta (Pfifer and Seiler 2016, Theorem 2). Proved at the nodes; `largest_scaled_eigenvalue`
-tells how much is lacking between them.
+z_i = the signals through 1, a_i/(s + a_i) or s/(s + a_i). P may be indefinite because the multipliers are
+positive-negative and the frozen system is stable without Delta (Pfifer and Seiler 2016, Theorem 2). Proved at
+the nodes; `largest_scaled_eigenvalue` tells how much is lacking between them.
 
-Frozen gain, exact for one d and one e: at each frequency M(jw) = [a b; c g], a from w to v; with |a| < 1 the set of g + c b delta/(1 - a delta),
-|delta| <= 1, is a disc of centre g + c b conj(a)/(1 - |a|^2) and radius |c b|/(1 - |a|^2). The gain is infinite where |a| reaches 1.
-The worst delta = exp(j phi) at the worst frequency is attained by a real first-order all-pass +-(s - beta)/(s + beta).
+Frozen gain, exact for one d and one e: at each frequency M(jw) = [a b; c g], a from w to v; with |a| < 1 the
+set of g + c b delta/(1 - a delta), |delta| <= 1, is a disc of centre g + c b conj(a)/(1 - |a|^2) and radius
+|c b|/(1 - |a|^2). The gain is infinite where |a| reaches 1. The worst delta = exp(j phi) at the worst
+frequency is attained by a real first-order all-pass +-(s - beta)/(s + beta).
 """
 
 from __future__ import annotations
@@ -44,7 +49,8 @@ class Uncertain(NamedTuple):
 
 
 class UpperBound(NamedTuple):
-    """gain; status of the solver in words; seconds; multiplier coefficients (1, then low- and high-pass per pole).
+    """gain; status of the solver in words; seconds; multiplier coefficients (1, then low- and high-pass per
+    pole).
 
     P (degree + 1, n, n), T, time, basis: the storage in the scaled coordinates of `upper_bound`.
     """
@@ -75,7 +81,9 @@ def at_rate(g: Uncertain, rate: float = 0.0) -> Gridded:
 
 
 def _with_psi(g: Uncertain, poles: Sequence[float]) -> tuple[Uncertain, int]:
-    """psi = [1; a_i/(s + a_i)] on v and w appended; outputs [psi_v; psi_w; e]. Returns it and the rows of psi."""
+    """psi = [1; a_i/(s + a_i)] on v and w appended; outputs [psi_v; psi_w; e]. Returns it and the rows of
+    psi.
+    """
     k = len(poles)
     n = g.A.shape[1]
     N = len(g.V)
@@ -152,7 +160,8 @@ def upper_bound(
 ) -> UpperBound:
     """The bound over trajectories for ||Delta|| <= bound; see the module.
 
-    Raises CannotJudge where the frozen system is unstable, or the solver finds no bound within its limits (then the gain may be infinite).
+    Raises CannotJudge where the frozen system is unstable, or the solver finds no bound within its limits
+    (then the gain may be infinite).
     """
     if bound < 0:
         raise WrongUse(f"a norm bound of {bound} was given; it must not be negative")
@@ -171,8 +180,9 @@ def upper_bound(
     out = p.solve({"g2": 1.0, "m": 1e-8}, 200, time_limit_s, 1e-5, 1e-6)
     if out.theta is None:
         raise CannotJudge(
-            f"no worst-case gain for ||Delta|| <= {bound:g} over {len(g.V)} airspeeds: the solver ended with '{out.status}' after "
-            f"{out.iterations} iterations; the gain may be infinite: lower the uncertainty or the rate bound"
+            f"no worst-case gain for ||Delta|| <= {bound:g} over {len(g.V)} airspeeds: the solver ended with "
+            f"'{out.status}' after {out.iterations} iterations; the gain may be infinite: lower the uncertainty or the "
+            f"rate bound"
         )
     n = s.A.shape[1]
     P = unpack(out.theta[p.place("P")].reshape(basis.degree + 1, -1), n)
@@ -236,7 +246,9 @@ def _worst_delta(M: Array) -> complex:
 
 
 def all_pass(delta: complex, w_rad_s: float, inp: str = "v", out: str = "w") -> Gridded:
-    """Real first-order all-pass +-(s - beta)/(s + beta) of size |delta| that equals delta at s = j w; +-1 where it is real."""
+    """Real first-order all-pass +-(s - beta)/(s + beta) of size |delta| that equals delta at s = j w; +-1
+    where it is real.
+    """
     size, angle = abs(delta), math.atan2(delta.imag, delta.real)
     if w_rad_s == 0.0 or abs(math.sin(angle)) < 1e-9:
         return gridded(
@@ -270,7 +282,9 @@ def check_upper_bound(
     V: Array,
     w_scale: float = 1.0,
 ) -> Array:
-    """Largest scaled eigenvalue of the LMI at any airspeeds V, from matrices interpolated there; at most 0 proves the bound."""
+    """Largest scaled eigenvalue of the LMI at any airspeeds V, from matrices interpolated there; at most 0
+    proves the bound.
+    """
     v = np.atleast_1d(np.asarray(V, float))
     r, left = math.sqrt(bound) * w_scale, math.sqrt(bound) / w_scale
     A, R, B, C, D = (interpolate(g.V, m, v) for m in (g.A, g.A_rate, g.B, g.C, g.D))

@@ -1,13 +1,17 @@
-"""Method B's filters against section 3.2: Tables 1 to 3, Figures 2, 8, 9, 11, 12, 13 and 14 as numbers (`filter_figures` draws them).
+"""Method B's filters against section 3.2: Tables 1 to 3, Figures 2, 8, 9, 11, 12, 13 and 14 as numbers
+(`filter_figures` draws them).
 
 Readings that are ours, because the text leaves them open:
-- "-delta -> e" (Figures 9, 12, 13): f added to the deflection behind the actuator, loop closed (`design.lpv_observer.analysis_loop`).
-- The open reading, e/(-delta) = 1 - F G, is shown beside it: it is what a stuck surface does, since a stuck surface opens the loop.
+- "-delta -> e" (Figures 9, 12, 13): f added to the deflection behind the actuator, loop closed
+(`design.lpv_observer.analysis_loop`).
+- The open reading, e/(-delta) = 1 - F G, is shown beside it: it is what a stuck surface does, since a stuck
+surface opens the loop.
 - Figure 14: f is a step of 10 deg, Delta the real all-pass that attains the worst frozen gain.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from functools import cache
@@ -19,7 +23,8 @@ from ...core import Array, Design
 from ...design.certificates import LIMIT
 from ...design.io import load_design
 from ...design.lpv import Gridded, connect, gain, response
-from ...design.lpv_observer import AXES, Axis, analysis_loop, saved_filter
+from ...design.lpv_observer_check import analysis_loop, saved_filter
+from ...design.lpv_observer_models import AXES, Axis
 from ...design.lpv_observer_plants import unweighted
 from ...design.synthesis import filter_at
 from ...design.worst_case_gain import all_pass, at_rate, closed_by
@@ -29,7 +34,13 @@ from .worst_case import FOLDER, KINDS, NORMS, SPEEDS, axes, bounds, lower_bounds
 
 Progress = Callable[[str, float], None]
 DEG = math.pi / 180.0
-LABELS = dict(zip((*KINDS, "stuck_lpv"), ("Nominal-LTI", "Robust-LTI", "Nominal-LPV", "Robust-LPV", "fault as input"), strict=True))
+LABELS = dict(
+    zip(
+        (*KINDS, "stuck_lpv"),
+        ("Nominal-LTI", "Robust-LTI", "Nominal-LPV", "Robust-LPV", "fault as input"),
+        strict=True,
+    )
+)
 SENSITIVITY_W = np.logspace(-2.0, 2.0, 201)
 STEP_DT, STEP_S = 0.001, 3.0
 
@@ -74,7 +85,9 @@ def excess(s: Sensitivity) -> tuple[float, float, float]:
 
 
 class StepResponse(NamedTuple):
-    """t_s, true deflection and its estimate, rad, after f steps by 10 deg; overshoot of the estimate over the step, share."""
+    """t_s, true deflection and its estimate, rad, after f steps by 10 deg; overshoot of the estimate over the
+    step, share.
+    """
 
     t_s: Array
     true: Array
@@ -85,8 +98,8 @@ class StepResponse(NamedTuple):
 def step_response(kind: str, speed: float) -> StepResponse:
     """Figure 14: a lateral filter at one airspeed with its worst Delta there.
 
-    The loop (w, f) -> (v, e) is closed by the all-pass that attains the frozen worst-case gain; delta itself is the output whose
-    filtered copy is v, taken from a loop with delta as an extra output.
+    The loop (w, f) -> (v, e) is closed by the all-pass that attains the frozen worst-case gain; delta itself
+    is the output whose filtered copy is v, taken from a loop with delta as an extra output.
     """
     a = axes()["lat"]
     worst = lower_bounds(kind)[int(np.argmin(np.abs(SPEEDS - speed)))]
@@ -94,7 +107,9 @@ def step_response(kind: str, speed: float) -> StepResponse:
     V = np.array([speed])
     plant = unweighted("lat", a.model, a.actuator, a.weights, a.controller._replace(leak=0.0))(V)
     plant = plant.select(("w", "df"), plant.outputs)
-    g = connect([plant, filter_at(saved_filter(design(kind), "lat"), V), delta_block], ("df",), ("delta", "estimate"))
+    g = connect(
+        [plant, filter_at(saved_filter(design(kind), "lat"), V), delta_block], ("df",), ("delta", "estimate")
+    )
     t, y = simulate_step(g, 10.0 * DEG)
     return StepResponse(t, y[:, 0], y[:, 1], float(np.abs(y[:, 1]).max() / (10.0 * DEG) - 1.0))
 
@@ -113,14 +128,24 @@ def simulate_step(g: Gridded, size: float, node: int = 0) -> tuple[Array, Array]
 def weight_numbers() -> dict[str, float]:
     """What the text says of the weights of Tables 2 and 3, from their coefficients: dB, rad/s and shares."""
     lat, lon = (axes()[k].weights for k in AXES)
-    out = {}
+    out: dict[str, float] = {}
     for name, w in (("lat", lat.error), ("lon", lon.error)):
         dc, high = w.den[-1] / w.num[-1], w.den[0] / w.num[0]
         grid = np.logspace(-2, 3, 20001)
         below = [1.0 / w.gain_at(x) < high / math.sqrt(2.0) for x in grid]
-        out |= {f"{name}_dc": float(db(dc)), f"{name}_high": float(db(high)), f"{name}_bandwidth": float(grid[below.index(False)])}
-    at = {"lat_uncertainty_dc": (lat, 1e-6), "lon_uncertainty_phugoid": (lon, 0.87), "lon_uncertainty_short": (lon, 14.5),
-          "lon_uncertainty_actuator": (lon, 62.8), "lat_uncertainty_high": (lat, 1e7), "lon_uncertainty_high": (lon, 1e7)}  # fmt: skip
+        out |= {
+            f"{name}_dc": float(db(dc)),
+            f"{name}_high": float(db(high)),
+            f"{name}_bandwidth": float(grid[below.index(False)]),
+        }
+    at = {
+        "lat_uncertainty_dc": (lat, 1e-6),
+        "lat_uncertainty_high": (lat, 1e7),
+        "lon_uncertainty_phugoid": (lon, 0.87),
+        "lon_uncertainty_short": (lon, 14.5),
+        "lon_uncertainty_actuator": (lon, 62.8),
+        "lon_uncertainty_high": (lon, 1e7),
+    }
     return out | {k: 100.0 * w.uncertainty.gain_at(x) for k, (w, x) in at.items()}
 
 
@@ -149,13 +174,14 @@ def _design_claims() -> dict[str, Ours]:
 
 
 def _sensitivity_claims() -> dict[str, Ours]:
-    out = {}
+    out: dict[str, Ours] = {}
     for axis, figure in zip(AXES, ("fig9", "fig12"), strict=True):
         r, V, w = excess(sensitivity("robust_lpv", axis))
         better, *_ = excess(sensitivity("stuck_lpv", axis))
         gamma, size = design("robust_lpv").certificate[axis]["gamma"], axes()[axis].weights.actuator
         reason = (
-            f"largest S/Sbar at {V:.1f} m/s, {w:.2g} rad/s; the synthesis bounds it only by gamma/Wu/|G_a| = {gamma / size:.1f}. "
+            f"largest S/Sbar at {V:.1f} m/s, {w:.2g} rad/s; the synthesis bounds it only by "
+            f"gamma/Wu/|G_a| = {gamma / size:.1f}. "
             f"With the fault as an input of the synthesis it is {better:.2f}."
         )
         out[f"{figure}_bound"] = Ours(r, None, reason)
@@ -163,24 +189,27 @@ def _sensitivity_claims() -> dict[str, Ours]:
 
 
 def _gain_claims() -> dict[str, Ours]:
-    out, upper = {}, bounds()
+    out: dict[str, Ours] = {}
+    upper = bounds()
     lower = {k: lower_bounds(k) for k in KINDS}
     top = {k: max(x.gain for x in v) for k, v in lower.items()}
     spread = {k: max(x.gain for x in v) - min(x.gain for x in v) for k, v in lower.items()}
     for k in KINDS:
         b = upper.get((k, 1.0))
         where = float(SPEEDS[int(np.argmax([x.gain for x in lower[k]]))])
-        reason = "the value depends on backoff, airspeed grid, solver and on what '-delta -> e' means, none of which is stated"
+        reason = "it depends on backoff, airspeed grid, solver and the reading of '-delta -> e', none of them stated"
         out[f"fig13_upper_{k}"] = Ours(b.gain if b else math.nan, (top[k], b.gain) if b else None, reason)
         out[f"fig13_speed_{k}"] = Ours(where)
-    out["fig13_smallest_upper"] = Ours(float(all(upper["robust_lpv", 1.0].gain < top[k] for k in KINDS if k != "robust_lpv")))
+    out["fig13_smallest_upper"] = Ours(
+        float(all(upper["robust_lpv", 1.0].gain < top[k] for k in KINDS if k != "robust_lpv"))
+    )
     out["fig13_smallest_lower"] = Ours(float(min(top, key=lambda k: top[k]) == "robust_lpv"))
     out["fig13_least_variant"] = Ours(float(min(spread, key=lambda k: spread[k]) == "robust_lpv"))
     out["fig13_above_lower"] = Ours(float(all(b.gain >= top[k] for (k, n), b in upper.items() if n == 1.0)))
     rises = all(
         upper[k, a].gain < upper[k, b].gain
         for k in KINDS
-        for a, b in zip(NORMS[:-1], NORMS[1:], strict=True)
+        for a, b in itertools.pairwise(NORMS)
         if (k, a) in upper and (k, b) in upper
     )
     out["fig13_grows"] = Ours(float(rises))
@@ -196,8 +225,14 @@ def _step_claims() -> dict[str, Ours]:
     others = min(v for k, v in over.items() if k != "robust_lpv")
     text = "; ".join(f"{LABELS[k]} {100 * v:.0f} % at {worst[k]:.1f} m/s" for k, v in over.items())
     return {
-        "fig14_degrades": Ours(float(over["robust_lpv"] < others), None, f"overshoot of the estimate: {text}"),
-        "fig14_consistent": Ours(abs(over["robust_lpv"] - robust), None, f"overshoot {100 * over['robust_lpv']:.0f} % against {100 * robust:.0f} % at 20 m/s"),
+        "fig14_degrades": Ours(
+            float(over["robust_lpv"] < others), None, f"overshoot of the estimate: {text}"
+        ),
+        "fig14_consistent": Ours(
+            abs(over["robust_lpv"] - robust),
+            None,
+            f"overshoot {100 * over['robust_lpv']:.0f} % against {100 * robust:.0f} % at 20 m/s",
+        ),
     }
 
 
@@ -207,30 +242,43 @@ def tables() -> dict[str, Any]:
     for k in (*KINDS, "stuck_lpv"):
         for a in AXES:
             c = design(k).certificate[a]
+            slow = sensitivity(k, a).opened[:, SENSITIVITY_W <= 1.0]
             t1.append({
-                "filter": LABELS[k], "axis": a, "gamma": c["gamma"], "gamma_optimal": c["gamma_optimal"], "order": c["order"],
+                "filter": LABELS[k], "axis": a, "gamma": c["gamma"], "gamma_optimal": c["gamma_optimal"],
+                "order": c["order"],
                 "status": c["status"], "on_grid_only": c["on_grid_only"], "seconds": c["seconds"],
                 "largest S/Sbar": excess(sensitivity(k, a))[0],
-                "largest open-loop |e/delta| below 1 rad/s": float(sensitivity(k, a).opened[:, SENSITIVITY_W <= 1.0].max()),
+                "largest open-loop |e/delta| below 1 rad/s": float(slow.max()),
             })  # fmt: skip
     upper = bounds()
     gains = []
     for k in KINDS:
         low = lower_bounds(k)
         best = max(low, key=lambda x: x.gain)
-        row = {"filter": LABELS[k], "lower": best.gain, "airspeed of lower": float(SPEEDS[low.index(best)]), "w_rad_s": best.w_rad_s}
+        row = {
+            "filter": LABELS[k],
+            "lower": best.gain,
+            "airspeed of lower": float(SPEEDS[low.index(best)]),
+            "w_rad_s": best.w_rad_s,
+        }
         for n in NORMS:
             b = upper.get((k, n))
             row |= {f"upper {n}": b.gain if b else None}
         b = upper.get((k, 1.0))
-        row |= {"status": b.status if b else "none", "proved between nodes": bool(b and b.dense <= LIMIT), "eigenvalue": b.dense if b else None}
+        row |= {
+            "status": b.status if b else "none",
+            "proved between nodes": bool(b and b.dense <= LIMIT),
+            "eigenvalue": b.dense if b else None,
+        }
         gains.append(row)
     weights = {axis: design("robust_lpv").spec["weights"][axis] for axis in AXES}
     return {"table1": t1, "table2": weights["lat"], "table3": weights["lon"], "worst_case_gain": gains}
 
 
 def find(quick: bool, progress: Progress) -> Findings:
-    """Every claim of section 3.2; quick and full runs do the same (the bounds are stored certificates, checked each time)."""
+    """Every claim of section 3.2; quick and full runs do the same (the bounds are stored certificates,
+    checked each time).
+    """
     del quick
     ours: dict[str, Ours] = {}
     parts = (_design_claims, _sensitivity_claims, _gain_claims, _step_claims)
@@ -241,4 +289,14 @@ def find(quick: bool, progress: Progress) -> Findings:
     return Findings(ours, tables())
 
 
-__all__ = ["Findings", "analysis_loop", "at_rate", "closed_by", "design", "find", "sensitivity", "step_response", "tables"]
+__all__ = [
+    "Findings",
+    "analysis_loop",
+    "at_rate",
+    "closed_by",
+    "design",
+    "find",
+    "sensitivity",
+    "step_response",
+    "tables",
+]

@@ -1,7 +1,9 @@
-"""Worst-case gains of the four lateral filters (section 3.2.4, Figure 13): bounds kept as certificates that are checked, not believed.
+"""Worst-case gains of the four lateral filters (section 3.2.4, Figure 13): bounds kept as certificates that
+are checked, not believed.
 
-`python -m aerofdi.papers.vireo_comparison.worst_case` solves the upper bounds again (about half an hour on two cores) and writes
-designs/worst_case.npz. Everybody else loads the storage and multiplier of each bound and evaluates its inequalities again.
+`python -m aerofdi.papers.vireo_comparison.worst_case` solves the upper bounds again (about half an hour on
+two cores) and writes designs/worst_case.npz. Everybody else loads the storage and multiplier of each bound
+and evaluates its inequalities again.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ from ...aircraft import load_aircraft
 from ...core import Array, CannotJudge
 from ...design.io import load_design
 from ...design.lpv import basis_for
-from ...design.lpv_observer import Axis, Spec, analysis_loop, axes_of, linear_models, saved_filter
+from ...design.lpv_observer_check import analysis_loop, saved_filter
+from ...design.lpv_observer_models import Axis, axes_of, linear_models
 from ...design.worst_case_gain import Frozen, UpperBound, at_rate, check_upper_bound, frozen_gain, upper_bound
 
 Progress = Callable[[str, float], None]
@@ -32,7 +35,9 @@ DENSE = np.linspace(12.0, 20.0, 161)
 
 
 class Bound(NamedTuple):
-    """An upper bound and how far its inequality is from holding: largest scaled eigenvalue on its nodes and on 161 airspeeds."""
+    """An upper bound and how far its inequality is from holding: largest scaled eigenvalue on its nodes and
+    on 161 airspeeds.
+    """
 
     gain: float
     status: str
@@ -45,7 +50,7 @@ def axes() -> Mapping[str, Axis]:
     """Both axes of the Vireo with the paper's weights."""
     vireo = load_aircraft("vireo")
     models = linear_models(vireo, np.unique(np.append(np.linspace(12.0, 20.0, 41), 15.4)))
-    return axes_of(vireo, Spec(kind="robust_lpv"), models, 15.4)
+    return axes_of(vireo, models, 15.4)
 
 
 @cache
@@ -76,15 +81,22 @@ def make(path: Path = FOLDER / "worst_case.npz", progress: Progress | None = Non
                 progress(str(error), i / len(jobs))
             continue
         key = f"{kind}.{norm}"
-        arrays |= {f"{key}.P": u.P, f"{key}.T": u.T, f"{key}.multiplier": u.multiplier, f"{key}.gain": np.array(u.gain)}
+        arrays |= {
+            f"{key}.P": u.P,
+            f"{key}.T": u.T,
+            f"{key}.multiplier": u.multiplier,
+            f"{key}.gain": np.array(u.gain),
+        }
         arrays[f"{key}.solved"] = np.array(u.status == "solved")
     with path.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+        np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
 @cache
 def bounds(dense: bool = True) -> dict[tuple[str, float], Bound]:
-    """(kind, norm) -> the stored upper bound with its inequalities evaluated again; missing where the solver found none."""
+    """(kind, norm) -> the stored upper bound with its inequalities evaluated again; missing where the solver
+    found none.
+    """
     out = {}
     with np.load(FOLDER / "worst_case.npz", allow_pickle=False) as z:
         for kind in KINDS:
