@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ..aircraft import Aircraft, load_aircraft
@@ -21,7 +21,7 @@ DIAGNOSERS = ("parity", "effectiveness")
 
 
 def diagnose(
-    flights: Sequence[str | os.PathLike[str] | Flight],
+    flights: Iterable[str | os.PathLike[str] | Flight],
     *,
     aircraft: str | os.PathLike[str] | IdentifiedModel | Aircraft | None = None,
     with_diagnosers: Sequence[str] = (),
