@@ -19,8 +19,8 @@ from ...simulate import fly
 
 HERE = Path(__file__).parent
 FILES = ("flt32.toml", "flt33.toml", "flt32_near.toml", "flt33_near.toml")
-# A leg: bank below 6 deg for 9 s ahead (the other legs are shorter) and below 10 deg for 1.5 s before. A corner: bank
-# above 35 deg, rolled in within the last second. From one fault to the next: 45 s to settle.
+# A leg: bank below 6 deg for 9 s ahead (the other legs are shorter) and below 10 deg for 1.5 s before. A corner: in the
+# banked turn, above 30 deg for the last second. From one fault to the next: 45 s to settle.
 LEG_AHEAD_S, LEG_BEFORE_S, CORNER_S, SETTLE_S, FIRST_S = 9.0, 1.5, 1.0, 45.0, 70.0
 
 
@@ -29,7 +29,8 @@ def next_time(t: Array, bank_deg: Array, after_s: float, corner: bool) -> float:
     dt = t[1] - t[0]
     for k in range(int(np.searchsorted(t, after_s)), len(t) - int(LEG_AHEAD_S / dt)):
         if corner:
-            good = bank_deg[k] > 35 and bank_deg[k - int(CORNER_S / dt) : k].min() < 30
+            held = bank_deg[k - int(CORNER_S / dt) : k].min() > 30
+            good = held and bank_deg[k - int(CORNER_S / dt) - 10] < 30
         else:
             level = bank_deg[k : k + int(LEG_AHEAD_S / dt)].max() < 6
             good = level and bank_deg[k - int(LEG_BEFORE_S / dt) : k].max() < 10
