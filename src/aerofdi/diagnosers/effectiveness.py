@@ -20,7 +20,7 @@ Source: generalised likelihood ratio for jumps (Willsky and Jones) with a Bayesi
 from __future__ import annotations
 
 from ..core.types import Array, Verdict
-from ..parts.ops import lean, maximum, sqrt
+from ..parts.ops import lean, maximum, merged, sqrt
 from .effectiveness_evidence import correlation, evidence, fresh
 from .effectiveness_filters import advance, input_status, outside, rates_are_new, restart
 from .effectiveness_types import (
@@ -43,7 +43,7 @@ from .effectiveness_types import (
 __all__ = ["Params", "State", "init", "run_into", "step_into"]
 
 
-@lean
+@merged
 def _leader(params: Params, state: State) -> int:
     """The hypothesis with most evidence; the one in charge stays until another leads it by the margin."""
     best = int(state.scalars[ACTIVE]) - 1
@@ -65,7 +65,7 @@ def _leader(params: Params, state: State) -> int:
     return best
 
 
-@lean
+@merged
 def _isolated(params: Params, state: State, best: int) -> bool:
     """Whether `best` stands alone against every other group: a clear lead, and a signature of its own."""
     if state.score[best] < 0.5 * params.alarm:
@@ -83,14 +83,14 @@ def _isolated(params: Params, state: State, best: int) -> bool:
     return True
 
 
-@lean
+@merged
 def _slight(params: Params, state: State, best: int) -> bool:
     """Whether the leading hypothesis is a loss too small to be told from model error."""
     small = params.nuisance_spread[1 + params.group[best]] + sqrt(state.var[best])
     return params.kind[best] == LOSS and state.theta[best] < small
 
 
-@lean
+@merged
 def _decide(params: Params, state: State, recovered: bool) -> None:
     """Alarm at `alarm`; silence below `clear`, on recovery, or while only a slight loss is left."""
     top = 0.0
@@ -109,7 +109,7 @@ def _decide(params: Params, state: State, recovered: bool) -> None:
     state.scalars[ACTIVE] = float(best + 1) if alone else 0.0
 
 
-@lean
+@merged
 def _recover(params: Params, state: State) -> None:
     """Take the fresh filter over, forget the fault: signatures at rest, hypotheses at their priors."""
     state.scalars[DETECTED] = 0.0
@@ -133,7 +133,7 @@ def _recover(params: Params, state: State) -> None:
     state.scalars[FRESH_AGE] = params.fresh_s
 
 
-@lean
+@merged
 def _write(params: Params, state: State, out: Verdict, k: int, status: int) -> None:
     na, nh = params.b.shape[0], len(params.kind)
     detected = state.scalars[DETECTED] > 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..core.types import Array
-from ..parts.ops import clip, lean, log, maximum, minimum, sqrt
+from ..parts.ops import clip, lean, log, maximum, merged, minimum, sqrt
 from .effectiveness_types import (
     FRESH_AGE,
     FRESH_LEAD,
@@ -17,13 +17,13 @@ from .effectiveness_types import (
 )
 
 
-@lean
+@merged
 def _log_t(ratio: float, variance: float, dof: float) -> float:
     """Student-t log density of a normalised square `ratio`, without the constants all hypotheses share."""
     return -0.5 * log(variance) - 0.5 * (dof + 1.0) * log(1.0 + ratio / dof)
 
 
-@lean
+@merged
 def _update(theta: float, var: float, h: float, e: float, r: float, dof: float) -> tuple[float, float]:
     """One robust scalar Kalman update: measurement e = h theta + noise of variance r, Student-t."""
     nu = e - h * theta
@@ -33,7 +33,7 @@ def _update(theta: float, var: float, h: float, e: float, r: float, dof: float) 
     return theta + gain * nu, maximum(var - gain * h * var, 1e-12)
 
 
-@lean
+@merged
 def _healthy(params: Params, state: State) -> float:
     """Log likelihood of this sample under the healthy family; its members are updated and re-weighted."""
     na, ng = params.b.shape
@@ -65,7 +65,7 @@ def _healthy(params: Params, state: State) -> float:
     return _mix(state, lls, best, nn)
 
 
-@lean
+@merged
 def _mix(state: State, lls: Array, best: float, nn: int) -> float:
     total = 0.0
     for n in range(nn):
@@ -106,7 +106,7 @@ def _hypothesis(params: Params, state: State, n: int) -> float:
     return ll
 
 
-@lean
+@merged
 def evidence(params: Params, state: State) -> float:
     """Scores (cumulative, for detection), evidence (leaky, for isolation), pattern products, noise inflation.
 
@@ -143,7 +143,7 @@ def evidence(params: Params, state: State) -> float:
     return lead
 
 
-@lean
+@merged
 def _inflate(params: Params, state: State) -> None:
     """Rougher air than in training raises the noise: the slow mean square of what the best explanation leaves."""
     best = 0
@@ -159,14 +159,14 @@ def _inflate(params: Params, state: State) -> None:
         state.inflation[i] = maximum(1.0, state.rough[i])
 
 
-@lean
+@merged
 def correlation(state: State, n: int, k: int) -> float:
     """Correlation of the signatures two hypotheses predict; near one they cannot be told apart."""
     size = state.cross[n, n] * state.cross[k, k]
     return state.cross[n, k] / sqrt(size) if size > 1e-12 else 0.0
 
 
-@lean
+@merged
 def fresh(params: Params, state: State, z: Array, base: float) -> bool:
     """Recovery test: does a healthy filter started anew explain flight better than the standing alarm?
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from ..core.types import Array
 from ..parts.delay_line import delay_fill, delay_step
-from ..parts.ops import clip, lean
+from ..parts.ops import clip, merged
 from ..parts.rate_filter import rate_filter_step
 from .effectiveness_types import CLOCK, GAP, NONFINITE, OK, SPEED, STALE, Params, State
 
 
-@lean
+@merged
 def input_status(params: Params, z: Array, age: Array) -> int:
     """NONFINITE, STALE or OK for one sample."""
     status = OK
@@ -23,7 +23,7 @@ def input_status(params: Params, z: Array, age: Array) -> int:
     return status
 
 
-@lean
+@merged
 def _deflection(params: Params, z: Array, j: int) -> float:
     """The command of group j: its channels with their weights, held within the stops."""
     delta = 0.0
@@ -32,7 +32,7 @@ def _deflection(params: Params, z: Array, j: int) -> float:
     return clip(delta, params.lower[j], params.upper[j])
 
 
-@lean
+@merged
 def restart(params: Params, state: State, z: Array) -> None:
     """After a start or a gap: filters at the measured rates, signatures at rest, commands as if always so."""
     na, ng = params.b.shape
@@ -55,7 +55,7 @@ def restart(params: Params, state: State, z: Array) -> None:
     state.scalars[CLOCK] = 0.0
 
 
-@lean
+@merged
 def advance(params: Params, state: State, z: Array, seen: bool) -> None:
     """Move every filter one step with this sample; the innovations were used before.
 
@@ -92,7 +92,7 @@ def advance(params: Params, state: State, z: Array, seen: bool) -> None:
         rate_filter_step(ad, bd, k, state.y[i], known, weight * (w - state.y[i, 0]))
 
 
-@lean
+@merged
 def outside(params: Params, state: State, z: Array) -> bool:
     """Whether a condition the model depends on (its speed) has left, over the last second, what training held."""
     outside = False
@@ -104,7 +104,7 @@ def outside(params: Params, state: State, z: Array) -> bool:
     return outside
 
 
-@lean
+@merged
 def rates_are_new(params: Params, age: Array) -> bool:
     """Whether every rate was measured within the last one and a half samples."""
     new = True

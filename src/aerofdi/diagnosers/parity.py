@@ -23,7 +23,7 @@ from ..core.types import HEALTHY, Array, Channels, Diagnoser, Status, Verdict
 from ..parts.bessel import bessel_sections, sections_step
 from ..parts.delay_line import delay_fill, delay_step
 from ..parts.lti import hold, lti_advance, lti_output
-from ..parts.ops import lean, maximum
+from ..parts.ops import lean, maximum, merged
 from ..parts.servo import servo_step
 
 OK, NOT_READY = int(Status.OK), int(Status.NOT_READY)
@@ -90,7 +90,7 @@ def init(params: Params) -> State:
     )
 
 
-@lean
+@merged
 def _status(z: Array, age: Array, max_age: Array) -> int:
     status = OK
     for j in range(len(max_age)):
@@ -101,7 +101,7 @@ def _status(z: Array, age: Array, max_age: Array) -> int:
     return status
 
 
-@lean
+@merged
 def _restart(params: Params, state: State, z: Array) -> None:
     """Surfaces where their commands are, model at the measured outputs, filters empty."""
     for i in range(len(params.delay)):
@@ -122,7 +122,7 @@ def _restart(params: Params, state: State, z: Array) -> None:
         state.counter[1] = z[params.speed_at] / params.v0
 
 
-@lean
+@merged
 def _inputs(params: Params, state: State, z: Array) -> None:
     """Servos one step on, then u = [mixed deflections times airspeed ratio, exogenous]."""
     if params.speed_at >= 0:
