@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -218,6 +218,7 @@ def test_gust_that_passes_dies_away_over_the_same_length():
     np.testing.assert_allclose(out[0, 10:19], out[0, 18:9:-1], atol=1e-12)
 
 
+@settings(deadline=None)
 @given(h=st.floats(2.0, 120.0))
 def test_shear_is_the_logarithmic_law(h):
     params = wind_params(DT, steady=(3.0, -1.0, 0.0), shear_height=6.096, roughness=0.0457)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerofdi.core.errors import WrongUse
@@ -11,6 +11,7 @@ from aerofdi.parts.delay_line import delay_fill, delay_line, delay_step
 signals = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40)
 
 
+@settings(deadline=None)
 @given(u=signals, delay=st.integers(0, 12), before=st.floats(-5, 5))
 def test_whole_delay_shifts_by_exactly_that_many_samples(u, delay, before):
     line = delay_line(delay, before)
@@ -18,6 +19,7 @@ def test_whole_delay_shifts_by_exactly_that_many_samples(u, delay, before):
     assert y == ([before] * delay + u)[: len(u)]
 
 
+@settings(deadline=None)
 @given(u=signals, delay=st.floats(0.0, 9.0))
 def test_fractional_delay_is_the_mean_of_the_delayed_held_signal(u, delay):
     line = delay_line(delay)

@@ -38,13 +38,14 @@ def test_second_order_step_is_the_exact_solution():
     np.testing.assert_allclose(out[:, 1], v, rtol=1e-9, atol=1e-10)
 
 
+@settings(deadline=None)
 @given(order=st.sampled_from([0, 1, 2]), u=st.floats(-2, 2), dt=st.sampled_from([0.001, 0.01, 0.05]))
 def test_rest_stays_rest_to_the_bit(order, u, dt):
     c = servo_coefficients(order, 40.0, 0.7, dt_s=dt)
     assert tuple(servo_step(c, u, 0.0, u)) == (u, 0.0)
 
 
-@settings(max_examples=60)
+@settings(max_examples=60, deadline=None)
 @given(
     order=st.sampled_from([0, 1, 2]),
     commands=st.lists(st.floats(-3, 3), min_size=5, max_size=60),

@@ -57,8 +57,11 @@ def delay_step(line: NDArray[np.float64], u: float, delay: float) -> float:
     line[1 + place] = u
     whole = min(int(delay), n - 2)
     part = min(delay - whole, 1.0)
-    newer = line[1 + (place - whole) % n]
-    older = line[1 + (place - whole - 1) % n]
-    line[0] = (place + 1) % n
+    # Places wrap by comparison: a division would cost more than all the rest.
+    newer = place - whole
+    newer += n if newer < 0 else 0
+    older = newer - 1
+    older += n if older < 0 else 0
+    line[0] = 0.0 if place + 1 == n else place + 1.0
     # Written so that a whole delay returns the stored value to the bit.
-    return newer + part * (older - newer)
+    return line[1 + newer] + part * (line[1 + older] - line[1 + newer])
