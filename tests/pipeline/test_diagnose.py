@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import synthetic as syn
 
-from aerofdi.core import Flight, Series, WrongUse
-from aerofdi.pipeline import diagnose, exit_code
+from aerofdi.core import Flight, Series, Status, WrongUse, empty_verdict
+from aerofdi.pipeline import Run, diagnose, exit_code
+from aerofdi.pipeline.judge import events, minimum_detectable
 from aerofdi.pipeline.spans import inside, parse_span, split, without
 
 EVENT = {"t_s", "event", "fault", "mode", "estimate", "estimate_std", "unit"}
@@ -152,3 +153,57 @@ def test_spans_add_up():
     assert sum(b - a for a, b in train + judge) == pytest.approx(total)
     assert without(flown, train) == judge
     assert inside(flown, (20.0, 50.0)) == [(20.0, 30.0), (40.0, 50.0)]
+
+
+def test_what_was_learnt_from_is_never_judged_even_when_asked():
+    d = diagnose(syn.fly(90.0, seed=51), healthy="0:45", judge_span="30:80", with_diagnosers=["parity"])[0]
+    assert d.trained == [(0.0, 45.0)] and d.judged == [(45.0, 80.0)]
+    assert d.results[0].run.t_s[0] >= 45.0 - 1e-6
+
+
+@pytest.mark.parametrize("option", ["healthy", "judge_span"])
+def test_a_span_outside_the_flight_is_named_with_the_flights_own(healthy, option):
+    d = diagnose(syn.fly(60.0, seed=52), aircraft=healthy.model, **{option: "900:950"})[0]
+    assert d.verdict == "cannot_judge" and d.trained == []
+    assert "900:950" in d.results[0].reason and "0.0 to 60.0 s" in d.results[0].reason
+
+
+def test_a_model_given_with_healthy_flight_keeps_its_numbers_and_gets_new_thresholds(healthy):
+    d = diagnose(syn.fly(60.0, seed=53), aircraft=healthy.model, healthy_flight=syn.fly(60.0, seed=54))[0]
+    assert d.model.axes == healthy.model.axes and d.model.calibration != healthy.model.calibration
+
+
+def _run_of(diagnoser, detected, status, breaks=(0,)):
+    n = len(detected)
+    v = empty_verdict(diagnoser, n)._replace(detected=np.array(detected), status=np.array(status))
+    return Run(diagnoser, diagnoser.dt_s * np.arange(n), np.zeros((n, 0)), v, breaks)
+
+
+def test_a_gap_or_the_end_of_a_span_does_not_clear_an_alarm(healthy):
+    d = healthy.results[0].run.diagnoser
+    ok, stale = int(Status.OK), int(Status.STALE_INPUT)
+    gap = _run_of(d, [False, True, False, True, False], [ok, ok, stale, ok, ok])
+    assert [e["event"] for e in events(gap)] == ["detected", "cleared"]
+    spans = _run_of(d, [False, True, False, True], [ok] * 4, breaks=(0, 2))
+    assert [e["event"] for e in events(spans)] == ["detected", "detected"]
+
+
+def test_a_name_that_does_not_last_a_second_is_not_given(stuck):
+    d = stuck.results[1].run.diagnoser
+    n = round(1.0 / d.dt_s)
+    for held, named in ((n, True), (n - 1, False)):
+        r = _run_of(d, [True] * (held + 5), [int(Status.OK)] * (held + 5))
+        r.verdict.active[5:, 1] = True
+        assert ("isolated" in [e["event"] for e in events(r)]) == named
+
+
+def test_the_smallest_visible_fault_counts_every_span(healthy):
+    r = healthy.results[1].run
+    lively, quiet = r.diagnoser.init(r.diagnoser.params), r.diagnoser.init(r.diagnoser.params)
+    lively.information[:], lively.scalars[4] = 1000.0, 100.0
+    quiet.scalars[4] = 100.0
+    one, both, none = (
+        minimum_detectable(r.diagnoser, s, healthy.model, 200.0) for s in ([lively], [lively, quiet], [quiet])
+    )
+    for k in one:
+        assert one[k] < both[k] < 1.0 < none[k]

@@ -21,7 +21,7 @@ DIAGNOSERS = ("parity", "effectiveness")
 
 
 def diagnose(
-    flights: Iterable[str | os.PathLike[str] | Flight],
+    flights: str | os.PathLike[str] | Flight | Iterable[str | os.PathLike[str] | Flight],
     *,
     aircraft: str | os.PathLike[str] | IdentifiedModel | Aircraft | None = None,
     with_diagnosers: Sequence[str] = (),
@@ -34,13 +34,18 @@ def diagnose(
     """Diagnose one or many flights.
 
     Without options: in each flight find the spans airborne, under autopilot, with commands moving; learn from their
-    first 40 %; check that this part is of one piece; judge the rest. healthy: the span to learn from instead (what
-    follows it is judged);
-    healthy_flight: another flight to learn from; aircraft: a model
-    saved before, or a published aircraft (its derivatives are used, noise and trim learnt). judge_span: what to judge.
-    Times are seconds on the log's clock. Files that cannot be read raise UnreadableFile or WrongUse; what a flight
-    does not allow becomes a result `cannot_judge`.
+    first 40 %; check that this part is of one piece; judge the rest.
+
+    healthy: the span to learn from instead; what follows it is judged. healthy_flight: another flight to learn from
+    (`healthy` then is a span of that one). aircraft: a model saved before, whose thresholds healthy flight given with
+    it replaces; or a published aircraft, whose derivatives are used while noise and trim are learnt. judge_span: what
+    to judge, less what was learnt from. Times are seconds on the log's clock.
+
+    Files that cannot be read raise UnreadableFile or WrongUse; what a flight does not allow becomes a result
+    `cannot_judge`.
     """
+    if isinstance(flights, str | os.PathLike | Flight):
+        flights = [flights]
     wanted = tuple(with_diagnosers) or DIAGNOSERS
     unknown = [w for w in wanted if w not in DIAGNOSERS]
     if unknown:
@@ -52,7 +57,9 @@ def diagnose(
     span = parse_span(healthy, "--healthy") if isinstance(healthy, str) else healthy
     window = parse_span(judge_span, "--judge") if isinstance(judge_span, str) else judge_span
     reference = (
-        _reference(healthy_flight, span, profile, say, published) if healthy_flight is not None else None
+        _reference(healthy_flight, span, profile, say, model, published)
+        if healthy_flight is not None
+        else None
     )
     out = []
     for item in flights:
@@ -67,6 +74,7 @@ def _reference(
     span: Span | None,
     profile: str | None,
     say: Progress,
+    model: IdentifiedModel | None,
     published: Aircraft | None,
 ) -> Trained:
     flight = source if isinstance(source, Flight) else read(os.fspath(source), profile)
@@ -76,6 +84,8 @@ def _reference(
             f"{flight.name}: nothing in it was flown under autopilot; give its healthy span with --healthy"
         )
     say(f"learning from {flight.name}")
+    if model is not None:
+        return calibrate(flight, spans, model)
     return train(flight, spans, say, published=published)
 
 
@@ -104,6 +114,8 @@ def _one(
     notes = [*known_by, *flight.meta.get("notes", ()), *flight.meta.get("assumed", ())]
     trained: list[Span] = []
     try:
+        if healthy and reference is None and not inside([healthy], flight.span_s):
+            raise CannotJudge(_outside(name, "--healthy", healthy, flight))
         if model is not None or reference is not None:
             judged = spans
             ready = reference or _loaded(model, flight, healthy)
@@ -119,8 +131,9 @@ def _one(
                     f"give spans with --healthy T0:T1 and --judge T0:T1"
                 )
             ready = train(flight, trained, say, published=published)
-        judged = [window] if window else without(judged, trained)
-        judged = inside(judged, flight.span_s)
+        if window and not inside([window], flight.span_s):
+            raise CannotJudge(_outside(name, "--judge", window, flight))
+        judged = inside(without([window] if window else judged, trained), flight.span_s)
         if not judged:
             raise CannotJudge(f"{name}: no flown time is left to judge after training; give --judge T0:T1")
         say(f"judging {name}")
@@ -136,6 +149,14 @@ def _one(
     except CannotJudge as error:
         results = [Result(w, "cannot_judge", str(error)) for w in wanted]
         return FlightDiagnosis(name, flight, spans, trained, [], None, results, notes)
+
+
+def _outside(name: str, option: str, span: Span, flight: Flight) -> str:
+    t0, t1 = flight.span_s
+    return (
+        f"{option} {span[0]:g}:{span[1]:g} lies outside {name}, which runs from {t0:.1f} to {t1:.1f} s on its own "
+        f"clock; give a span within it"
+    )
 
 
 def _loaded(model: IdentifiedModel | None, flight: Flight, healthy: Span | None) -> Trained:

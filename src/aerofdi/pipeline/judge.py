@@ -26,28 +26,27 @@ def judge(
 
     A span that follows on flown time is warmed up on the seconds before it, which are not judged.
     """
-    joined, state = _run(d, flight, spans, warm_up or [])
+    joined, states = _run(d, flight, spans, warm_up or [])
     ok = joined.verdict.status == Status.OK
     share = float(np.mean(ok)) if len(ok) else 0.0
-    smallest = minimum_detectable(d, state, model, float(np.sum(ok)) * d.dt_s)
+    smallest = minimum_detectable(d, states, model, float(np.sum(ok)) * d.dt_s)
     found = events(joined)
     if found:
         return Result(d.name, "fault", _fault_reason(d, found), smallest, found, joined)
     if share < JUDGED_SHARE:
         return Result(d.name, "cannot_judge", _silent_reason(d, joined.verdict, share), smallest, [], joined)
-    if smallest and min(smallest.values()) > 1.0 and d.name == "effectiveness":
-        least = min(smallest.values())
+    if d.name == "effectiveness" and min(smallest.values(), default=math.inf) > 1.0:
         reason = (
-            f"too little excitation: the commands moved so little that even a loss of 100 % might stay unseen "
-            f"(smallest visible: {100 * least:.0f} %); judge a longer or livelier part of the flight"
+            "too little excitation: the commands moved so little that even a loss of 100 % might stay unseen; "
+            "judge a longer or livelier part of the flight"
         )
         return Result(d.name, "cannot_judge", reason, smallest, [], joined)
     return Result(d.name, "healthy", _healthy_reason(d, smallest, share), smallest, [], joined)
 
 
-def _run(d: Diagnoser, flight: Flight, spans: list[Span], flown: list[Span]) -> tuple[Run, Any]:
-    times, inputs, verdicts, breaks, n = [], [], [], [], 0
-    state = d.init(d.params)
+def _run(d: Diagnoser, flight: Flight, spans: list[Span], flown: list[Span]) -> tuple[Run, list[Any]]:
+    """Every span run from a fresh start; the final state of each."""
+    times, inputs, verdicts, breaks, states, n = [], [], [], [], [], 0
     for a, b in spans:
         before = max((x for x, y in flown if x <= a <= y), default=a)
         start = max(before, a - 2.0 * d.settle_s - 1.0)
@@ -55,6 +54,7 @@ def _run(d: Diagnoser, flight: Flight, spans: list[Span], flown: list[Span]) -> 
         start = a - d.dt_s * math.floor((a - start) / d.dt_s)
         sample = bind(flight, d.inputs, d.dt_s, start, b, who=d.name)
         state, verdict = run(d, sample)
+        states.append(state)
         use = sample.t_s >= a - 1e-9
         times.append(sample.t_s[use])
         inputs.append(sample.z[use])
@@ -62,16 +62,19 @@ def _run(d: Diagnoser, flight: Flight, spans: list[Span], flown: list[Span]) -> 
         breaks.append(n)
         n += int(np.sum(use))
     if not times:
-        return Run(d, np.zeros(0), np.zeros((0, len(d.inputs.names))), empty_verdict(d, 0), ()), state
+        return Run(d, np.zeros(0), np.zeros((0, len(d.inputs.names))), empty_verdict(d, 0), ()), states
     joined = Verdict(*(np.concatenate(f) for f in zip(*verdicts, strict=True)))
-    return Run(d, np.concatenate(times), np.concatenate(inputs), joined, tuple(breaks)), state
+    return Run(d, np.concatenate(times), np.concatenate(inputs), joined, tuple(breaks)), states
 
 
 def events(r: Run) -> list[dict[str, Any]]:
-    """detected, isolated (each time another fault or mode holds for at least 1 s), cleared."""
+    """detected, isolated (each time another fault or mode holds for at least 1 s), cleared.
+
+    Where nothing is judged for a while (a gap) an alarm neither ends nor begins; one that stands at the end of a
+    span is not called cleared.
+    """
     out: list[dict[str, Any]] = []
-    v, d = r.verdict, r.diagnoser
-    active = np.where(v.detected, v.active.argmax(axis=1) * v.active.any(axis=1), -1)
+    active, d = _active(r), r.diagnoser
     stable = max(1, round(STABLE_S / d.dt_s))
     named = -1
     for k in map(int, np.flatnonzero(np.diff(np.concatenate(([-1], active))) != 0)):
@@ -83,14 +86,23 @@ def events(r: Run) -> list[dict[str, Any]]:
         if now > 0 and now != named and _lasts(active, k, stable):
             out.append(_event(r, k, "isolated", now))
             named = now
-        if now < 0 <= was:
+        if now < 0 <= was and k not in r.breaks:
             out.append(_event(r, k, "cleared", named if named > 0 else None))
     return out
 
 
+def _active(r: Run) -> np.ndarray:
+    """(n,) -1 without alarm, 0 alarm without a name, else the hypothesis; held while nothing is judged."""
+    v = r.verdict
+    said = np.where(v.detected, v.active.argmax(axis=1) * v.active.any(axis=1), -1)
+    known = v.status == Status.OK
+    known[[b for b in r.breaks if b < len(known)]] = True
+    return said[np.maximum.accumulate(np.where(known, np.arange(len(said)), 0))]
+
+
 def _lasts(active: np.ndarray, k: int, stable: int) -> bool:
     ahead = active[k : k + stable]
-    return bool((ahead == active[k]).all())
+    return len(ahead) == stable and bool((ahead == active[k]).all())
 
 
 def _event(r: Run, k: int, kind: str, hypothesis: int | None) -> dict[str, Any]:
@@ -121,8 +133,10 @@ def _median(values: np.ndarray) -> float:
     return float(np.nanmedian(values)) if np.isfinite(values).any() else math.nan
 
 
-def minimum_detectable(d: Diagnoser, state: Any, model: IdentifiedModel, judged_s: float) -> dict[str, float]:
-    """The smallest fault these data would have shown.
+def minimum_detectable(
+    d: Diagnoser, states: list[Any], model: IdentifiedModel, judged_s: float
+) -> dict[str, float]:
+    """The smallest fault these data would have shown; states: the final one of every judged span.
 
     effectiveness: the share of a group's effectiveness whose expected score reaches the alarm within a minute of
     the excitation seen, plus what model error may hide. parity: the lasting surface offset that drives the rate
@@ -131,7 +145,7 @@ def minimum_detectable(d: Diagnoser, state: Any, model: IdentifiedModel, judged_
     if d.name == "effectiveness":
         from ..diagnosers.effectiveness_types import INFO_TIME, REACH
 
-        seen = state.scalars[INFO_TIME]
+        seen = sum(float(s.scalars[INFO_TIME]) for s in states)
         if seen <= 0:
             return {}
         window = min(judged_s, WINDOW_S)
@@ -139,7 +153,7 @@ def minimum_detectable(d: Diagnoser, state: Any, model: IdentifiedModel, judged_
         for j, g in enumerate(model.groups):
             if not g.identifiable:
                 continue
-            information = state.information[j] / seen * window
+            information = sum(float(s.information[j]) for s in states) / seen * window
             blind = REACH * d.params.nuisance_spread[1 + j]
             loss = blind + math.sqrt(2.0 * d.params.alarm / max(information, 1e-9))
             out[f"{g.name} loss_of_effectiveness"] = round(float(loss), 3)
@@ -189,8 +203,12 @@ def _silent_reason(d: Diagnoser, v: Verdict, share: float) -> str:
 
 def _healthy_reason(d: Diagnoser, smallest: dict[str, float], share: float) -> str:
     if d.name == "effectiveness":
-        seen = ", ".join(f"{k.split()[0]} {100 * v:.0f} %" for k, v in smallest.items())
-        return f"no loss, no stuck surface; would have seen a loss of {seen} ({100 * share:.0f} % of the span judged)"
+        seen = ", ".join(f"{k.split()[0]} {100 * v:.0f} %" for k, v in smallest.items() if v <= 1.0)
+        blind = ", ".join(k.split()[0] for k, v in smallest.items() if v > 1.0)
+        return (
+            f"no loss, no stuck surface; would have seen a loss of {seen} ({100 * share:.0f} % of the span judged)"
+            + (f"; {blind} moved too little: not even a total loss would have shown" if blind else "")
+        )
     seen = ", ".join(f"{k.split()[0]} {v:.3g}" for k, v in smallest.items())
     return (
         f"rates follow the commands; would have seen a lasting offset of {seen} ({100 * share:.0f} % judged)"

@@ -34,7 +34,7 @@ def learn(
     span = parse_span(healthy, "--healthy") if isinstance(healthy, str) else healthy
     used = []
     for item in flights:
-        flight = item if isinstance(item, Flight) else read(item, profile)
+        flight = item if isinstance(item, Flight) else read(os.fspath(item), profile)
         spans = [span] if span else flown(flight)[0]
         if not spans:
             raise CannotJudge(

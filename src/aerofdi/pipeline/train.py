@@ -17,6 +17,7 @@ from ..core.types import Array, Diagnoser, Flight, Status
 from ..design.parity import calibrate_threshold
 from ..diagnosers import effectiveness_setup, parity_setup
 from ..identify import from_aircraft, identify
+from .spans import split
 from .types import Span
 
 FALSE_ALARMS_PER_HOUR = 0.1
@@ -125,8 +126,6 @@ def _homogeneous(flight: Flight, spans: list[Span], model: IdentifiedModel) -> N
     worst = max(scores(flight, spans, model), default=0.0)
     total = sum(b - a for a, b in spans)
     if worst < limit and total >= WHOLE_S:
-        from .spans import split
-
         first, second = split(spans, 0.5)
         halves = [_cross(flight, x, y) for x, y in ((first, second), (second, first))]
         worst = min(halves)
@@ -140,7 +139,7 @@ def _homogeneous(flight: Flight, spans: list[Span], model: IdentifiedModel) -> N
 def _cross(flight: Flight, learn: list[Span], judge: list[Span]) -> float:
     try:
         model = identify([(flight, a, b) for a, b in learn])
-        # Capped at twice the alarm, so the cap is raised to see by how much.
+        # Scores are capped at twice the alarm, which is the limit: it says that, not by how much.
         return max(scores(flight, judge, model), default=0.0)
     except CannotJudge:
         return 0.0
