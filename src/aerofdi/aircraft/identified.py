@@ -47,7 +47,8 @@ class AxisModel(NamedTuple):
     """One angular rate. names: the regressors ("p", "command.<group>", "alpha", "trim"), value and covariance theirs.
 
     r2: share of the rate that commands and other signals alone explain (simulated, no feedback of the rate);
-    r2_held_out: the same on the last part of the training, fitted without it; r2_acceleration: of the equation-error
+    r2_held_out: the same on the last part of the training, trim and effects fitted without it (damping and delay with
+    it). The covariance of the damping is assumed (10 %), not fitted. r2_acceleration: of the equation-error
     stage, on the low-passed angular acceleration. innovation_std: rad/s.
     """
 
@@ -147,14 +148,14 @@ def save_identified(model: IdentifiedModel, path: str | os.PathLike[str]) -> Non
     }
     path = Path(path)
     beside = path.with_name(path.name + ".part")
-    beside.write_text(tomli_w.dumps(document))
+    beside.write_text(tomli_w.dumps(document), encoding="utf-8")
     os.replace(beside, path)
 
 
 def load_identified(path: str | os.PathLike[str]) -> IdentifiedModel:
     """Read a file written by `save_identified`; UnreadableFile or WrongUse names what is wrong with it."""
     try:
-        text = Path(path).read_text()
+        text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UnreadableFile(
             f"{path}: cannot be read ({error}); give a model made by `aerofdi identify`"

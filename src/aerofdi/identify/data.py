@@ -187,7 +187,12 @@ def group_commands(
                 f"{names[j]} moved in proportion to {names[alike[0][0]]}: the two cannot be told apart, "
                 f"and its effect is counted with {kind(names[alike[0][0]])}"
             )
-    return tuple(_make_group([names[j] for j in g], unit, u[:, g]) for g in groups), tuple(notes)
+    members = [[names[j] for j in g] for g in groups]
+    made = tuple(
+        _make_group(name, channels, unit, u[:, g])
+        for name, channels, g in zip(group_names(members), members, groups, strict=True)
+    )
+    return made, tuple(notes)
 
 
 def kind(channel: str) -> str:
@@ -200,13 +205,13 @@ def kind(channel: str) -> str:
     return word if word in KINDS else KINDS[-1]
 
 
-def _make_group(channels: list[str], unit: str, u: Array) -> SurfaceGroup:
+def _make_group(name: str, channels: list[str], unit: str, u: Array) -> SurfaceGroup:
     signs = [1.0 if np.corrcoef(u[:, 0], u[:, i])[0, 1] >= 0 else -1.0 for i in range(u.shape[1])]
     weights = tuple(s / len(channels) for s in signs)
     delta = u @ np.array(weights)
     reach = 1.0 if unit == "1" else max(math.radians(25.0), 1.2 * float(np.abs(u).max()))
     return SurfaceGroup(
-        name=group_name([c.removeprefix("command.") for c in channels]),
+        name=name,
         channels=tuple(channels),
         weights=weights,
         unit=unit,
@@ -216,6 +221,17 @@ def _make_group(channels: list[str], unit: str, u: Array) -> SurfaceGroup:
         deviation=float(delta.std()),
         identifiable=True,
     )
+
+
+def group_names(members: list[list[str]]) -> list[str]:
+    """A name for each group of command channels, all different: where two share a word, every surface is listed.
+
+    >>> group_names([["command.aileron_1", "command.aileron_2"], ["command.aileron_3", "command.aileron_4"]])
+    ['aileron_1+aileron_2', 'aileron_3+aileron_4']
+    """
+    surfaces = [[c.removeprefix("command.") for c in channels] for channels in members]
+    short = [group_name(s) for s in surfaces]
+    return [n if short.count(n) == 1 else "+".join(s) for n, s in zip(short, surfaces, strict=True)]
 
 
 def group_name(surfaces: list[str]) -> str:

@@ -1,8 +1,8 @@
-"""Equation error: least squares on the low-passed angular acceleration, scanned over command delay and lag.
+"""Equation error: least squares on the low-passed angular acceleration, scanned over command delay.
 
     s F(s) w = F(s) [ V (a w + sum_j c_j w_j) + V^2 (sum_s b_s delta_s + air + m) ] + error,   F = W^2 / (s + W)^2
 
-It needs no start values and gives the first guess of delay and damping. In closed loop, gusts reach the commands
+It needs no start values and gives the first guess of the delay. In closed loop, gusts reach the commands
 through the autopilot and pull b_s towards zero; the filter-error stage removes that.
 """
 
@@ -66,9 +66,9 @@ def explained(y: Array, x: Array, theta: Array) -> float:
     return float(1.0 - np.var(y - x @ theta) / np.var(y))
 
 
-def scan(training: Training) -> tuple[float, float, list[Array]]:
-    """(delay_s, lag_s, theta per axis) with the largest joint likelihood over all axes."""
-    best: tuple[float, float, float, list[Array]] = (math.inf, 0.0, 0.0, [])
+def scan(training: Training) -> tuple[float, list[Array]]:
+    """(delay_s, theta per axis) with the largest joint likelihood over all axes, without actuator lag."""
+    best: tuple[float, float, list[Array]] = (math.inf, 0.0, [])
     for delay in DELAYS_S:
         cost, thetas = 0.0, []
         for axis in range(len(training.rates)):
@@ -77,5 +77,5 @@ def scan(training: Training) -> tuple[float, float, list[Array]]:
             cost += 0.5 * len(y) * math.log(max(1.0 - explained(y, x, theta), 1e-9))
             thetas.append(theta)
         if cost < best[0]:
-            best = (cost, float(delay), 0.0, thetas)
+            best = (cost, float(delay), thetas)
     return best[1:]

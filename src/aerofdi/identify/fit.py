@@ -39,10 +39,10 @@ def identify(
             f"give a span flown by the autopilot with --healthy T0:T1"
         )
     say("equation error: delay scan")
-    delay, lag, _ = ee.scan(training)
+    delay, _ = ee.scan(training)
     axes = range(len(training.rates))
     say("filter error: gusts and damping")
-    search = [_search(training, i, delay, lag) for i in axes]
+    search = [_search(training, i, delay, 0.0) for i in axes]
     delay, lag = _scan(training, search)
     say("filter error: final fit")
     fits = [_refit(training, i, delay, lag) for i in axes]
@@ -97,6 +97,7 @@ def _axis(training: Training, axis: int, fit: fe.AxisFit, delay: float, lag: flo
     value = np.concatenate(([fit.a], fit.theta))
     covariance = np.zeros((len(value), len(value)))
     covariance[1:, 1:] = fit.covariance
+    # Damping comes from the search, which gives no covariance: 10 % is assumed.
     covariance[0, 0] = (0.1 * fit.a) ** 2
     y, x = ee.stacked(training, axis, delay, lag)
     least = np.linalg.lstsq(x, y, rcond=None)[0]
@@ -115,7 +116,10 @@ def _axis(training: Training, axis: int, fit: fe.AxisFit, delay: float, lag: flo
 
 
 def _held_out(training: Training, axis: int, fit: fe.AxisFit, c: fe.Columns) -> float:
-    """Simulation R2 on the last 30 % of the training with coefficients from the first 70 %."""
+    """Simulation R2 on the last 30 % of the training with coefficients from the first 70 %.
+
+    Delay, lag, damping and noise stay those of the whole.
+    """
     cut = int((1.0 - HELD_OUT) * len(c.rate))
     early = fe.solve_axis(fit.search, fe.Columns(*(v[:cut] for v in c)), training.dt_s)
     late = fe.Columns(*(v[cut:].copy() for v in c))

@@ -64,5 +64,5 @@ def no_profile(candidates: list[Profile], log: Log, path: Path) -> UnreadableFil
     tried = ", ".join(profile.name for profile in candidates) or "none for this format"
     return UnreadableFile(
         f"{path.name}: no shipped profile fits this {log.format} file (tried {tried}). It has {shown}. "
-        f"Map what you need in [channels] of a profile of your own and pass it with profile=..."
+        f"Map what you need in [channels] of a profile of your own and pass it with --profile (profile=... in Python)"
     )
