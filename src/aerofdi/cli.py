@@ -56,14 +56,12 @@ def execute(arguments: Sequence[str]) -> int:
     debug = len(words) < len(arguments) or os.environ.get("AEROFDI_DEBUG", "0") not in ("", "0")
     _kept.clear()
     try:
-        code = app(args=words, prog_name="aerofdi", standalone_mode=False)
+        # Typer turns Ctrl-C into this exit code or an Abort, by version.
+        code = int(app(args=words, prog_name="aerofdi", standalone_mode=False) or 0)
         sys.stdout.flush()
-        return int(code or 0)
+        return interrupted() if code == INTERRUPTED else code
     except (KeyboardInterrupt, typer.Abort):
-        kept = ", ".join(map(str, _kept))
-        return complain(
-            "interrupted", f"kept: {kept}" if kept else "nothing had been written yet", INTERRUPTED
-        )
+        return interrupted()
     except BrokenPipeError:
         # Whoever reads has seen enough; the interpreter must not complain about it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -72,6 +70,12 @@ def execute(arguments: Sequence[str]) -> int:
         if debug:
             raise
         return failure(error)
+
+
+def interrupted() -> int:
+    """Say what an interrupted command leaves behind; returns the exit code."""
+    kept = ", ".join(map(str, _kept))
+    return complain("interrupted", f"kept: {kept}" if kept else "nothing had been written yet", INTERRUPTED)
 
 
 def failure(error: Exception) -> int:

@@ -40,15 +40,15 @@ def coefficient(name: str, model: IdentifiedModel) -> tuple[str, str, float]:
         surface = name.removeprefix("command.")
         unit = next((g.unit for g in model.groups if g.name == surface), "1")
         return (
-            (spoken(surface), "1/s2", 1.0)
+            (spoken(surface), "1/s²", 1.0)
             if unit == "rad"
-            else (spoken(surface), "deg/s2 at full command", 180.0 / math.pi)
+            else (spoken(surface), "deg/s² at full command", 180.0 / math.pi)
         )
     if name in AXES:
         return f"{AXES[name]} rate", "1/s", 1.0
     if name == "trim":
-        return "trim moment", "deg/s2", 180.0 / math.pi
-    return {"alpha": "angle of attack", "beta": "sideslip"}.get(name, name), "1/s2", 1.0
+        return "trim moment", "deg/s²", 180.0 / math.pi
+    return {"alpha": "angle of attack", "beta": "sideslip"}.get(name, name), "1/s²", 1.0
 
 
 def fits(a: AxisModel) -> list[tuple[str, float]]:

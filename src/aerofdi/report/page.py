@@ -15,7 +15,7 @@ import numpy as np
 from .. import __version__
 from ..core.errors import WrongUse
 from ..core.types import Series
-from ..pipeline.types import FlightDiagnosis, Result
+from ..pipeline.types import FlightDiagnosis
 from .model_card import model_card
 from .panels import panels
 from .timeline import marks, modes, timeline, unjudged, windows
@@ -35,6 +35,8 @@ from .words import (
 POINTS_A_PAGE = 200_000
 FEWEST, MOST = 150, 5000
 WINDOW_S = 20.0
+STANDING_M = 5.0
+SLIVER_S = 1.0
 COUNTS = {"fault": "with a fault", "healthy": "without", "cannot_judge": "not judged"}
 
 
@@ -124,6 +126,8 @@ def _track(d: FlightDiagnosis, packer: Packer) -> list[dict[str, Any]] | None:
     if "north" not in m or "east" not in m or len(m["north"].t_s) < 2 or len(m["east"].t_s) < 2:
         return None
     north, east = m["north"], m["east"]
+    if max(np.ptp(north.value), np.ptp(east.value)) < STANDING_M:
+        return None
     t = north.t_s[np.unique(np.linspace(0, len(north.t_s) - 1, 2 * packer.points).astype(int))]
     whole = Packer(packer.span, len(t))
     out = [whole.pack(line(n, t, _at(s, t), "1")) for n, s in (("east", east), ("north", north))]
@@ -161,7 +165,7 @@ def _index(diagnoses: Sequence[FlightDiagnosis]) -> str:
 def _section(d: FlightDiagnosis, i: int) -> str:
     """One flight: verdict, picture, words."""
     h = headline(d)
-    said = "".join(_said(r, d) for r in ordered(d))
+    said = "".join(_said(names, which, texts) for names, which, texts in _reasons(d))
     return f"""<section class="flight" id="flight{i}" data-flight="{i}">
 <header class="{escape(h.verdict)}"><div>{_pill(h.verdict)}<h2>{escape(h.title)}</h2><p>{escape(h.detail)}</p>
 <p class="file">{escape(d.flight.name)}{_aircraft(d)}</p></div><canvas class="track" hidden></canvas></header>
@@ -175,9 +179,17 @@ def _aircraft(d: FlightDiagnosis) -> str:
     return f" &middot; {escape(str(name))}" if name else ""
 
 
-def _said(r: Result, d: FlightDiagnosis) -> str:
-    items = "".join(f"<li>{escape(text)}</li>" for text in evidence(r, d))
-    return f'<div class="card"><h3>{escape(r.diagnoser)} {_pill(r.verdict)}</h3><ul>{items}</ul></div>'
+def _reasons(d: FlightDiagnosis) -> list[tuple[str, str, list[str]]]:
+    """(diagnosers, verdict, evidence), those that say the very same together."""
+    out: dict[tuple[str, ...], list[str]] = {}
+    for r in ordered(d):
+        out.setdefault((r.verdict, *evidence(r, d)), []).append(r.diagnoser)
+    return [(", ".join(names), said[0], list(said[1:])) for said, names in out.items()]
+
+
+def _said(names: str, which: str, texts: list[str]) -> str:
+    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    return f'<div class="card"><h3>{escape(names)} {_pill(which)}</h3><ul>{items}</ul></div>'
 
 
 def _events(d: FlightDiagnosis) -> str:
@@ -188,7 +200,7 @@ def _events(d: FlightDiagnosis) -> str:
         f'<tr><td class="n">{t:.2f} s</td><td>{escape(who)}</td><td>{escape(text)}</td></tr>'
         for t, who, text in sorted(rows)
     )
-    return f'<div class="card wide"><h3>Events</h3><table class="events">{body}</table></div>'
+    return f'<div class="card wide"><h3>Events</h3><div class="scroll"><table class="events">{body}</table></div></div>'
 
 
 def _visible(d: FlightDiagnosis) -> str:
@@ -218,7 +230,7 @@ def _spans(d: FlightDiagnosis) -> str:
         ("learnt from", spans_text(d.trained)),
         ("judged", f"{spans_text(d.judged)} ({length(d.judged):.0f} s)"),
     ]
-    rows += [("neither", f"{a:.1f}-{b:.1f} s: {why}") for a, b, why in unjudged(d)]
+    rows += [("neither", f"{a:.1f}-{b:.1f} s: {why}") for a, b, why in unjudged(d) if b - a >= SLIVER_S]
     body = "".join(f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows)
     return f'<div class="card"><h3>What was judged</h3><table>{body}</table></div>'
 

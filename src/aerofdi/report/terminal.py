@@ -23,6 +23,7 @@ from .words import (
     length,
     ordered,
     plus_minus,
+    reason,
     spans_text,
     spoken,
 )
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from ..core.types import Flight
     from ..pipeline.types import FlightDiagnosis
 
+IN_FULL = 4
+EVENTS = 12
 STYLES = {"fault": "bold white on red", "healthy": "bold green", "cannot_judge": "bold yellow"}
 
 
@@ -52,41 +55,45 @@ def pairs(rows: Iterable[tuple[str, str]], width: int = 12) -> Padding:
 
 def verdict(which: str) -> Text:
     """A verdict in its colour."""
-    return Text(f" {VERDICTS[which]} " if which == "fault" else VERDICTS[which], STYLES[which])
+    return Text(f" {VERDICTS[which]} ", STYLES[which])
 
 
 def diagnosis(d: FlightDiagnosis) -> RenderableType:
     """One flight: verdict, what was learnt from and judged, each diagnoser, events, what would have been seen."""
     h = headline(d)
     parts: list[RenderableType] = [
-        Text.assemble(verdict(h.verdict), "  ", (h.title, "bold")),
-        Padding(Text(h.detail), (0, 0, 0, 2)),
+        Text.assemble(verdict(h.verdict), " ", (h.title, "bold")),
+        Padding(Text(h.detail), (0, 0, 0, 1)),
         Text(),
         pairs(_about(d)),
     ]
-    said = grid(14, 13, None)
-    for r in ordered(d):
-        said.add_row(Text(r.diagnoser), verdict(r.verdict), Text(_short(d, r.verdict, r.reason)))
-    parts += [Text(), Padding(said, (0, 0, 0, 2))]
+    if d.verdict != "cannot_judge" or len({r.reason for r in d.results}) > 1:
+        said = grid(13, 14, None)
+        for r in ordered(d):
+            said.add_row(Text(r.diagnoser), verdict(r.verdict), Text(reason(r, d)))
+        parts += [Text(), Padding(said, (0, 0, 0, 1))]
     events = sorted((e["t_s"], r.diagnoser, event_text(e, d)) for r in d.results for e in r.events)
     if events:
         table = grid(10, 14, None)
-        for t, who, text in events:
+        for t, who, text in events[:EVENTS]:
             table.add_row(Text(f"{t:.2f} s", justify="right"), Text(who, "dim"), Text(text))
-        parts += [Text(), Padding(table, (0, 0, 0, 2))]
+        if len(events) > EVENTS:
+            table.add_row(
+                Text(), Text(), Text(f"and {len(events) - EVENTS} more (all in --json and --report)", "dim")
+            )
+        parts += [Text(), Padding(table, (0, 0, 0, 1))]
     if d.verdict == "fault":
         smallest = "; ".join(text for r in ordered(d) for _, text, _ in detectable(r, d))
-        parts += [Text(), pairs([("visible", smallest or "not known")])]
-    said_too = [
-        *(f"assumed: {a}" for a in d.flight.meta.get("assumed", ())),
-        *(n for n in d.notes if n not in d.flight.meta.get("assumed", ())),
-    ]
-    return Group(*parts, *notes(said_too))
+        parts += [Text(), pairs([("detectable", smallest or "not known")])]
+    assumed = d.flight.meta.get("assumed", ())
+    return Group(
+        *parts, *notes([*(f"assumed: {a}" for a in assumed), *(n for n in d.notes if n not in assumed)])
+    )
 
 
 def _about(d: FlightDiagnosis) -> list[tuple[str, str]]:
     rows = [
-        ("flight", f"{d.file}, {d.flight.duration_s:.0f} s" + _aircraft(d.flight)),
+        ("flight", f"{d.flight.name}, {d.flight.duration_s:.0f} s" + _aircraft(d.flight)),
         ("flown", spans_text(d.flown)),
         (
             "trained",
@@ -110,11 +117,6 @@ def _aircraft(flight: Flight) -> str:
     return f", {name}" if name else ""
 
 
-def _short(d: FlightDiagnosis, which: str, reason: str) -> str:
-    """The pipeline's reason; a fault is told by the events below it, in readable units."""
-    return "see below" if which == "fault" else reason
-
-
 def notes(notes: Iterable[str]) -> list[RenderableType]:
     """Notes, dimmed, each once."""
     table = grid(1, None)
@@ -124,24 +126,26 @@ def notes(notes: Iterable[str]) -> list[RenderableType]:
 
 
 def diagnoses(found: Sequence[FlightDiagnosis], files: Sequence[str] = ()) -> RenderableType:
-    """Every flight, a line each at the end where there are many, and the files that were written."""
+    """Every flight in full, or a row each where there are many; then the files that were written."""
     parts: list[RenderableType] = []
-    for d in found:
-        parts += [diagnosis(d), Text()]
-    if len(found) > 1:
+    if len(found) > IN_FULL:
         parts += [totals(found), Text()]
+    else:
+        for d in found:
+            parts += [diagnosis(d), Text()]
     if files:
         parts.append(pairs([("written", files[0]), *(("", f) for f in files[1:])]))
     return Group(*parts)
 
 
 def totals(found: Sequence[FlightDiagnosis]) -> Table:
-    """One line a flight, for many of them."""
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for name in ("verdict", "flight", "what"):
-        table.add_column(name, overflow="fold", no_wrap=name == "verdict")
+    """A row a flight."""
+    table = grid(14, None)
     for d in found:
-        table.add_row(verdict(d.verdict), Text(d.flight.name), Text(headline(d).title))
+        h = headline(d)
+        table.add_row(
+            verdict(d.verdict), Text.assemble(d.flight.name, "\n", (h.title, "bold"), f". {h.detail}\n")
+        )
     return table
 
 

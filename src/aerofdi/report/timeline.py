@@ -53,16 +53,10 @@ def use(d: FlightDiagnosis) -> list[Stretch]:
 def unjudged(d: FlightDiagnosis) -> list[tuple[float, float, str]]:
     """(t0, t1, why) of all time neither learnt from nor judged."""
     rest = without([d.flight.span_s], [*d.trained, *d.judged])
-    out = []
-    for a, b in rest:
-        flown = sum(max(0.0, min(b, y) - max(a, x)) for x, y in d.flown)
-        why = (
-            "outside what was asked to be judged"
-            if flown > 0.5 * (b - a)
-            else "not flown under autopilot with moving commands"
-        )
-        out.append((a, b, why))
-    return out
+    grounded = without(rest, d.flown)
+    out = [(a, b, "not flown under autopilot with moving commands") for a, b in grounded]
+    out += [(a, b, "outside what was asked to be judged") for a, b in without(rest, grounded)]
+    return sorted(out)
 
 
 def marks(d: FlightDiagnosis) -> list[dict[str, Any]]:

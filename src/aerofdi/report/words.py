@@ -15,6 +15,8 @@ from ..pipeline.types import FlightDiagnosis, Result, Run, Span
 SIDES = ("left", "right", "top", "bottom", "inner", "outer")
 VERDICTS = {"fault": "FAULT", "healthy": "healthy", "cannot_judge": "cannot judge"}
 AXES = {"p": "roll", "q": "pitch", "r": "yaw"}
+# A surface named for less than this share of the longest time does not make the headline.
+SLIGHT = 0.1
 LOSS, STUCK = "loss_of_effectiveness", "stuck"
 
 
@@ -131,11 +133,7 @@ def finding(event: Mapping[str, Any], d: FlightDiagnosis, brief: bool = False) -
 
     brief: without interval and second unit, 'right elevon (elevon B) stuck at 1421 µs'.
     """
-    who = spoken(event["fault"], d.flight.meta.get("aliases"))
-    group = str(event.get("group") or "")
-    if ":" in group:
-        who = f"{group.split(':')[1].replace('of', ' of ')} {who} surfaces"
-    what = f"{who} {event['mode'].replace('_', ' ')}"
+    what = " ".join(_who_and_how(event, d))
     value, std = event.get("estimate"), None if brief else event.get("estimate_std")
     if value is None:
         return what
@@ -143,6 +141,14 @@ def finding(event: Mapping[str, Any], d: FlightDiagnosis, brief: bool = False) -
         return f"{what}, {_measure(value, std, '%', 100.0)} of its effect left"
     at = deflection(event["fault"], value, std, event["unit"], d.flight, d.model)
     return f"{what} at {at.partition(' (')[0] if brief else at}"
+
+
+def _who_and_how(event: Mapping[str, Any], d: FlightDiagnosis) -> tuple[str, str]:
+    who = spoken(event["fault"], d.flight.meta.get("aliases"))
+    group = str(event.get("group") or "")
+    if ":" in group:
+        who = f"{group.split(':')[1].replace('of', ' of ')} {who} surfaces"
+    return who, event["mode"].replace("_", " ")
 
 
 def event_text(event: Mapping[str, Any], d: FlightDiagnosis) -> str:
@@ -168,15 +174,60 @@ def headline(d: FlightDiagnosis) -> Headline:
     if d.verdict == "healthy":
         judged = length(d.judged)
         return Headline("healthy", "No surface fault found", f"{judged:.0f} s judged. {unseen(d)}")
-    reasons = list(dict.fromkeys(r.reason for r in d.results))
-    return Headline("cannot_judge", "Could not be judged", " ".join(capital(r) + "." for r in reasons))
+    said = dict.fromkeys(reason(r, d) for r in d.results)
+    return Headline("cannot_judge", "Could not be judged", " ".join(capital(text) + "." for text in said))
+
+
+def reason(r: Result, d: FlightDiagnosis) -> str:
+    """What a result says in one sentence, in readable units, without the name of the flight before it."""
+    if r.verdict != "fault":
+        text = r.reason
+        for name in (d.file, d.flight.name):
+            text = text.removeprefix(f"{name}: ")
+        return text
+    onset = next(e["t_s"] for e in r.events if e["event"] == "detected")
+    said = "; ".join(finding(n.event, d) for n in named([r]))
+    return f"alarm at {onset:.1f} s{': ' + said if said else '; which surface is the cause cannot be told'}"
+
+
+class Named(NamedTuple):
+    """A surface an alarm named: the event that first named its standing explanation, and for how long that held, s."""
+
+    event: Mapping[str, Any]
+    held_s: float
+
+
+def named(results: Iterable[Result]) -> list[Named]:
+    """Every surface that was named, with the explanation that held longest; in order of time, slight ones left out."""
+    best: dict[str, Named] = {}
+    for r in results:
+        for e in r.events:
+            if e["event"] != "isolated":
+                continue
+            seconds = held(r, e)
+            if e["fault"] not in best or seconds > best[e["fault"]].held_s:
+                best[e["fault"]] = Named(e, seconds)
+    longest = max((n.held_s for n in best.values()), default=0.0)
+    out = [n for n in best.values() if n.held_s >= SLIGHT * longest]
+    return sorted(out, key=lambda n: n.event["t_s"])
+
+
+def held(r: Result, event: Mapping[str, Any]) -> float:
+    """For how long in all a run named what an event names, s."""
+    if r.run is None:
+        return 0.0
+    same = [
+        i for i, h in enumerate(r.run.diagnoser.hypotheses)
+        if (h.fault, h.mode, h.group) == (event["fault"], event["mode"], event.get("group"))
+    ]  # fmt: skip
+    return r.run.diagnoser.dt_s * float(np.sum(r.run.verdict.active[:, same]))
 
 
 def _fault(d: FlightDiagnosis) -> Headline:
     found = [r for r in d.results if r.verdict == "fault"]
     onset = min(e["t_s"] for r in found for e in r.events if e["event"] == "detected")
-    named = sorted((e for r in found for e in r.events if e["event"] == "isolated"), key=lambda e: e["t_s"])
-    if not named:
+    surfaces = named(found)
+    if not surfaces:
         who = ", ".join(r.diagnoser for r in found)
         return Headline(
             "fault",
@@ -184,16 +235,15 @@ def _fault(d: FlightDiagnosis) -> Headline:
             f"The aircraft stopped answering its commands as it did in training ({who}); "
             f"which surface is the cause cannot be told from these data.",
         )
-    first, last = named[0], named[-1]
-    what = finding(first, d, brief=True)
-    detail = f"Alarm at {onset:.1f} s, isolated at {first['t_s']:.1f} s: {finding(first, d)}."
-    if (last["fault"], last["mode"], last.get("group")) != (
-        first["fault"],
-        first["mode"],
-        first.get("group"),
-    ):
-        detail += f" From {last['t_s']:.1f} s read as {finding(last, d)}."
-    return Headline("fault", capital(what), detail)
+    if len(surfaces) == 1:
+        e = surfaces[0].event
+        detail = f"Alarm at {onset:.1f} s, isolated at {e['t_s']:.1f} s: {finding(e, d)}."
+        return Headline("fault", capital(finding(e, d, brief=True)), detail)
+    title = "; ".join(f"{who} {mode}" for who, mode in (_who_and_how(n.event, d) for n in surfaces))
+    said = [
+        f"{finding(n.event, d)} (from {n.event['t_s']:.1f} s, for {n.held_s:.0f} s in all)" for n in surfaces
+    ]
+    return Headline("fault", capital(title), f"First alarm at {onset:.1f} s. {capital('; '.join(said))}.")
 
 
 def unseen(d: FlightDiagnosis) -> str:
@@ -232,7 +282,7 @@ def ordered(d: FlightDiagnosis) -> list[Result]:
 def evidence(r: Result, d: FlightDiagnosis) -> list[str]:
     """Why one diagnoser says what it says: silence before, what rose, how far, against what, what was not judged."""
     if r.run is None or not len(r.run.t_s):
-        return [capital(r.reason) + "."]
+        return [capital(reason(r, d)) + "."]
     run = r.run
     ok = run.verdict.status == Status.OK
     alarm = run.verdict.detected
@@ -249,7 +299,7 @@ def evidence(r: Result, d: FlightDiagnosis) -> list[str]:
     else:
         out += _residual_evidence(run, first)
     if r.verdict != "fault":
-        out.append(capital(r.reason) + ".")
+        out.append(capital(reason(r, d)) + ".")
     return out + not_judged(run)
 
 
