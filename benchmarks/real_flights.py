@@ -87,7 +87,7 @@ def _wing(flights: Path) -> dict:
             if side == "elevon_right" and g < 1:
                 wrong += float(called.sum()) * r.diagnoser.dt_s
             elif g == 0.3 and a < 1400:
-                delays.append(r.t_s[now][called.argmax()] - a)
+                delays.append(r.t_s[now][called.argmax()] - a if called.any() else np.inf)
             elif side == "elevon_left" and a > 1400 and 0.25 < g < 0.75:
                 late = (r.t_s > a + 15) & (r.t_s < b - 1)
                 if np.isfinite(r.verdict.estimate[late, 1]).any():
