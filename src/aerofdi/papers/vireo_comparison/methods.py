@@ -36,6 +36,9 @@ A_LAT = np.array(
 )
 B_LAT = np.array([[-0.49], [-201.0], [-9.61], [0.0]])
 STATES = ("v", "p", "r", "phi")
+# Method B judges to this far (m/s) outside the airspeeds of its design, held at the edge: what an airspeed sensor is
+# good to. Slower than that (an elevon stuck far up does it) the aircraft is below the stall speed and B says so.
+SPEED_MARGIN = 0.5
 MIX = np.array([[-0.5, 0.5]])
 # Section 3.3.2; the probabilities' lower limit is its "lower limits are set as 0.01".
 PAPER_TUNING = Tuning(
@@ -100,7 +103,7 @@ def method_b(
     made = made._replace(params=made.params | {"trim.elevator": made.params["trim.elevator"] + trim_shift})
     return lpv_observer.from_design(
         made, PAIR, servos(aircraft), delay, DT_S, group="elevon", threshold=threshold,
-        low_pass=bandwidth, speed_bandwidth=speed_bandwidth, name=name,
+        low_pass=bandwidth, speed_bandwidth=speed_bandwidth, speed_margin=SPEED_MARGIN, name=name,
     )  # fmt: skip
 
 
