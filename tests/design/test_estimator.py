@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from aerofdi.core import CannotJudge, WrongUse
 from aerofdi.design.certificates import LIMIT, certificate, check_dissipation, check_lmis
 from aerofdi.design.estimator import Estimation, Options, extend
@@ -92,13 +93,15 @@ def test_robust_gains_and_orders(single):
 
 @pytest.mark.parametrize("axis", ["lat", "lon"])
 def test_robust_gain_holds_under_the_scaled_small_gain_test(single, axis):
-    """max_w sigma(diag(D, 1) T diag(1/D, 1/gamma)) <= 1 with |D|^2 the multiplier proves the gain at once for every Delta."""
+    """sigma(diag(D, 1) T diag(1/D, 1/gamma)) <= 1, |D|^2 the multiplier, proves the gain for every Delta at once."""
     problem, _, sol, f = single[axis, True]
     loop = error_loop(problem, f, ONE)
     w = np.concatenate(([0.0], np.logspace(-4, 5, 3000)))
     c, low, high = sol.multiplier
     a = POLES[0]
-    x = (c + low / (w * w + a * a) + high * w * w / (w * w + a * a)) * (sol.scaling.estimand / sol.scaling.w) ** 2
+    x = (c + low / (w * w + a * a) + high * w * w / (w * w + a * a)) * (
+        sol.scaling.estimand / sol.scaling.w
+    ) ** 2
     T, D = response(loop, w)[0], np.sqrt(x)
     T[:, 0, :] *= D[:, None]
     T[:, :, 0] /= D[:, None]
@@ -134,8 +137,8 @@ def test_a_nominal_filter_breaks_its_nominal_gain_under_uncertainty(axes, single
 
 @pytest.mark.parametrize("key", [("lon", True), ("lat", False)])
 def test_scheduled_filter_keeps_its_gain_on_moving_airspeeds(scheduled, key):
-    """A sampled lower bound over airspeed trajectories: power iteration on the sampled time-varying loop stays below gamma."""
-    problem, _, sol, f = scheduled[key]
+    """A lower bound over airspeed trajectories by power iteration on the sampled time-varying loop."""
+    problem, _, sol, _ = scheduled[key]
     wide = reconstruct(problem, sol, np.linspace(12, 20, 33))
     dt, n = 0.02, 400
     t = dt * np.arange(n)
@@ -229,14 +232,16 @@ def test_a_hopeless_problem_ends_with_its_reason_in_bounded_time(axes):
         g = loud.at(V)
         return g._replace(C=np.concatenate((200.0 * g.C[:, :1], g.C[:, 1:]), axis=1))
 
-    with pytest.raises(CannotJudge, match="airspeeds 15.4 to 15.4 m/s ended with"):
+    with pytest.raises(CannotJudge, match=r"airspeeds 15\.4 to 15\.4 m/s ended with"):
         solve(problem._replace(model=shout), ONE, options("lat", max_iter=60, time_limit_s=20.0))
     with pytest.raises(CannotJudge, match="ended with 'iteration limit'"):
         solve(problem, ONE, options("lat", max_iter=3))
 
 
 def test_wrong_problems_are_refused():
-    plant = gridded([1.0], [[-1.0]], [[1.0, 0.0]], [[1.0], [1.0]], [[0.0, 0.0], [0.0, 1.0]], ["d", "n"], ["delta", "y"])
+    plant = gridded(
+        [1.0], [[-1.0]], [[1.0, 0.0]], [[1.0], [1.0]], [[0.0, 0.0], [0.0, 1.0]], ["d", "n"], ["delta", "y"]
+    )
     weight = transfer([1.0, 2.0], [1.0, 1.0], "e", "ebar")
     good = Estimation(lambda V: plant.at(V), "delta", ("y",), ("d", "n"), weight)
     assert solve(good, [1.0], Options()).gamma < 2.0

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from aerofdi.core import Design, UnreadableFile, WrongUse
 from aerofdi.design.io import load_design, save_design
 
@@ -9,8 +10,19 @@ from aerofdi.design.io import load_design, save_design
 @pytest.fixture
 def design():
     arrays = {"lat.A": np.arange(8.0).reshape(2, 2, 2), "bound": np.array(8.0), "on": np.array([True, False])}
-    certificate = {"gamma": np.float64(0.1), "nodes": np.array([1.0, 2.0]), "nothing": None, "ok": np.bool_(True)}
-    return Design("lpv_observer", {"kind": "robust_lpv", "mixing": [[1, -1]], "deep": {"a": (1.0, 2.0)}}, "abc", arrays, certificate)
+    certificate = {
+        "gamma": np.float64(0.1),
+        "nodes": np.array([1.0, 2.0]),
+        "nothing": None,
+        "ok": np.bool_(True),
+    }
+    return Design(
+        "lpv_observer",
+        {"kind": "robust_lpv", "mixing": [[1, -1]], "deep": {"a": (1.0, 2.0)}},
+        "abc",
+        arrays,
+        certificate,
+    )
 
 
 def test_round_trip(tmp_path, design):

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from aerofdi.design.lmi import SOLVED, Problem, product_map, svec, triangle, unpack
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from aerofdi.design.lmi import SOLVED, Problem, product_map, svec, triangle, unpack
 
 pytest.importorskip("clarabel")
 

@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from aerofdi.core import WrongUse
 from aerofdi.design.lpv import (
     basis_for,
@@ -15,8 +18,6 @@ from aerofdi.design.lpv import (
     to_control,
     transfer,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from .conftest import lateral, longitudinal
 
@@ -43,7 +44,9 @@ def test_feedback_is_that_of_python_control_at_every_node(seed):
     for node, (gc, kc) in enumerate(zip(to_control(g), to_control(k), strict=True)):
         for i, x in enumerate(w):
             G, K = gc(1j * x), kc(1j * x)
-            np.testing.assert_allclose(ours[node, i], np.linalg.solve(np.eye(2) + G @ K, G), rtol=1e-8, atol=1e-10)
+            np.testing.assert_allclose(
+                ours[node, i], np.linalg.solve(np.eye(2) + G @ K, G), rtol=1e-8, atol=1e-10
+            )
 
 
 def test_round_trip_through_python_control_keeps_matrices_and_names():

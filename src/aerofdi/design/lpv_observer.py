@@ -50,6 +50,7 @@ reads them back.
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any, NamedTuple
 
@@ -67,6 +68,7 @@ from .synthesis import reconstruct, solve
 
 KINDS = ("nominal_lti", "robust_lti", "nominal_lpv", "robust_lpv", "stuck_lpv")
 FILTER_NODES = 33
+W_SCALES = (0.005, 0.02, 0.1, 0.5, 2.0)
 DENSE = 161
 MODEL_NODES = 41
 
@@ -77,8 +79,8 @@ class Spec(NamedTuple):
     kind: one of KINDS; "stuck_lpv" is "robust_lpv" with the fault as an input, the others are the paper's.
     airspeeds: lowest and highest, m/s. nominal: airspeed of the time-invariant filters. nodes: synthesis
     nodes (LPV). rate_bound: m/s^2. weights: axis -> Weights. psi_poles: axis -> poles of the multiplier,
-    rad/s. backoff, degree: see `estimator.Options`. w_scale: axis -> scale of (w, v), None: searched on one
-    node. rounds: times nodes may be added.
+    rad/s. backoff, degree: see `estimator.Options`. w_scale: axis -> scale of (w, v) tried first.
+    rounds: times nodes may be added.
     """
 
     kind: str = "stuck_lpv"
@@ -90,37 +92,19 @@ class Spec(NamedTuple):
     psi_poles: tuple[tuple[float, ...], tuple[float, ...]] = ((0.031,), (0.031,))
     backoff: float = 1.05
     degree: int = 2
-    w_scale: tuple[float, float] | None = None
+    w_scale: tuple[float, float] = (0.02, 0.5)
     time_limit_s: float = 240.0
     rounds: int = 2
 
 
-def _attempts(
-    axis: Axis, spec: Spec, robust: bool, rate: float, nominal: float, scale: float | None
-) -> list[Options]:
-    """Scalings worth trying in turn: the given one, or those of a search on one node with the smallest gains
-    first.
-    """
-    base = Options(rate, spec.degree, spec.backoff, time_limit_s=spec.time_limit_s)
+def _attempts(spec: Spec, robust: bool, rate: float, scale: float) -> list[Options]:
+    """Scalings worth trying in turn: the one asked for in two coordinate systems, then its neighbours."""
+    base = Options(rate, spec.degree, spec.backoff, w_scale=scale, time_limit_s=spec.time_limit_s)
     if not robust:
         return [base, base._replace(normal=0.25), base._replace(normal=0.0)]
-    if scale is not None:
-        return [base._replace(w_scale=scale), base._replace(w_scale=scale, normal=0.25)]
-    problem = axis.problem(True, spec.psi_poles[AXES.index(axis.name)])
-    found = []
-    for w in (0.005, 0.02, 0.1, 0.5, 2.0):
-        o = base._replace(w_scale=w, rate_bound=0.0)
-        try:
-            s = solve(problem, np.array([nominal]), o)
-        except CannotJudge:
-            continue
-        found.append(((s.stage1.status, s.stage2.status) != (SOLVED, SOLVED), s.stage1.iterations, w))
-    if not found:
-        raise CannotJudge(
-            f"the {axis.name} problem has no robust filter even at {nominal:g} m/s; lower its uncertainty weight"
-        )
-    best = [w for *_, w in sorted(found)[:2]]
-    return [base._replace(w_scale=w, normal=n) for n in (0.5, 0.25) for w in best]
+    near = sorted(W_SCALES, key=lambda w: abs(math.log(w / scale)))
+    others = [base._replace(w_scale=w, normal=n) for n in (0.5, 0.25) for w in near if w != scale][:4]
+    return [base, base._replace(normal=0.25), *others]
 
 
 def _first_solved(
@@ -133,6 +117,8 @@ def _first_solved(
         try:
             s = solve(problem, V, o, say)
         except CannotJudge as e:
+            if "'infeasible'" in str(e):
+                raise
             error = error or e
             continue
         if (s.stage1.status, s.stage2.status) == (SOLVED, SOLVED):
@@ -171,9 +157,7 @@ def design_axis(
     k = AXES.index(axis.name)
     problem = axis.problem(robust, spec.psi_poles[k])
     V = np.array([nominal]) if lti else np.linspace(*span, spec.nodes)
-    tries = _attempts(
-        axis, spec, robust, 0.0 if lti else rate, nominal, spec.w_scale[k] if spec.w_scale else None
-    )
+    tries = _attempts(spec, robust, 0.0 if lti else rate, spec.w_scale[k])
     dense = V if lti else np.linspace(*span, DENSE)
     for turn in range(spec.rounds + 1):
         s, o = _first_solved(
