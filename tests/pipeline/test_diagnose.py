@@ -128,6 +128,22 @@ def test_a_published_aircraft_is_used_with_this_flights_noise():
     assert 60.0 <= named["t_s"] <= 66.0 and (named["fault"], named["mode"]) == ("elevon_right", "stuck")
 
 
+def test_a_fault_inside_the_training_is_refused_by_published_and_saved_models_too(healthy):
+    from aerofdi.simulate import fly
+
+    faulty = syn.fly(90.0, seed=55, stuck={"aileron": 0.12}, start_s=20.0)
+    for flight, model, span in ((fly("demo"), "vireo", (5.0, 75.0)), (faulty, healthy.model, (0.0, 60.0))):
+        d = diagnose(flight, aircraft=model, healthy=span)[0]
+        assert d.verdict == "cannot_judge" and "may already be faulty" in d.results[0].reason
+
+
+def test_thresholds_no_deflection_would_reach_are_not_called_healthy(healthy):
+    wide = {**healthy.model.calibration, "parity_threshold": (1e3, 1e3)}
+    d = diagnose(syn.fly(60.0, seed=56), aircraft=healthy.model._replace(calibration=wide))[0]
+    assert d.results[0].verdict == "cannot_judge" and "full deflection" in d.results[0].reason
+    assert d.results[1].verdict == "healthy"
+
+
 def test_a_published_aircraft_refuses_commands_it_cannot_use():
     f = syn.fly(60.0, seed=50)
     with pytest.raises(WrongUse, match="not a surface of vireo"):

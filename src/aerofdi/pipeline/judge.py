@@ -35,10 +35,13 @@ def judge(
         return Result(d.name, "fault", _fault_reason(d, found), smallest, found, joined)
     if share < JUDGED_SHARE:
         return Result(d.name, "cannot_judge", _silent_reason(d, joined.verdict, share), smallest, [], joined)
-    if d.name == "effectiveness" and min(smallest.values(), default=math.inf) > 1.0:
+    if _blind(d, smallest, model):
         reason = (
             "too little excitation: the commands moved so little that even a loss of 100 % might stay unseen; "
             "judge a longer or livelier part of the flight"
+            if d.name == "effectiveness"
+            else "the model fits the training so loosely that not even a full deflection of a surface would pass a "
+            "threshold; learn from a longer or livelier part of the flight"
         )
         return Result(d.name, "cannot_judge", reason, smallest, [], joined)
     return Result(d.name, "healthy", _healthy_reason(d, smallest, share), smallest, [], joined)
@@ -168,6 +171,12 @@ def minimum_detectable(
         if g.identifiable and sizes:
             out[f"{g.name} offset"] = round(float(min(sizes)), 4)
     return out
+
+
+def _blind(d: Diagnoser, smallest: dict[str, float], model: IdentifiedModel) -> bool:
+    """Whether no fault of any size would have shown: a loss above one, an offset beyond the surface's range."""
+    whole = {g.name: 1.0 if d.name == "effectiveness" else 0.5 * (g.upper - g.lower) for g in model.groups}
+    return all(size > whole[key.rpartition(" ")[0]] for key, size in smallest.items())
 
 
 def describe_estimate(h: Hypothesis, estimate: float | None, std: float | None) -> str:

@@ -71,9 +71,13 @@ def calibrate(
     model: IdentifiedModel,
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
 ) -> Trained:
-    """Diagnosers of a model with thresholds from healthy spans of a flight."""
+    """Diagnosers of a model with thresholds from healthy spans of a flight.
+
+    Raises CannotJudge where these spans look faulty to the model: a threshold above them would hide the fault.
+    """
     ages = max_ages(model, flight)
-    highest = max((score for score in scores(flight, spans, model)), default=0.0)
+    highest = max(scores(flight, spans, model), default=0.0)
+    _refuse(flight, spans, highest)
     alarm = max(effectiveness_setup.ALARM, 1.5 * highest)
     residuals = parity_residuals(flight, spans, model)
     threshold = tuple(
@@ -122,13 +126,14 @@ def parity_residuals(flight: Flight, spans: list[Span], model: IdentifiedModel) 
 
 def _homogeneous(flight: Flight, spans: list[Span], model: IdentifiedModel) -> None:
     """Each half judged by a model of the other: a fault inside the training raises an alarm in both directions."""
-    limit = UNEQUAL * effectiveness_setup.ALARM
-    worst = max(scores(flight, spans, model), default=0.0)
-    total = sum(b - a for a, b in spans)
-    if worst < limit and total >= WHOLE_S:
+    _refuse(flight, spans, max(scores(flight, spans, model), default=0.0))
+    if sum(b - a for a, b in spans) >= WHOLE_S:
         first, second = split(spans, 0.5)
-        halves = [_cross(flight, x, y) for x, y in ((first, second), (second, first))]
-        worst = min(halves)
+        _refuse(flight, spans, min(_cross(flight, first, second), _cross(flight, second, first)))
+
+
+def _refuse(flight: Flight, spans: list[Span], worst: float) -> None:
+    limit = UNEQUAL * effectiveness_setup.ALARM
     if worst >= limit:
         raise CannotJudge(
             f"{flight.name}: the training span {_text(spans)} is not of one piece (score {worst:.0f}, "
