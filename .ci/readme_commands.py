@@ -2,7 +2,8 @@
 
 import re
 import sys
+from pathlib import Path
 
-text = open(sys.argv[1], encoding="utf-8").read()
-block = re.search(r"```sh\n(.*?)```", text, re.S)
-print("\n".join(line for line in (block.group(1) if block else "").splitlines() if line and not line.startswith("#")))
+block = re.search(r"```sh\n(.*?)```", Path(sys.argv[1]).read_text(encoding="utf-8"), re.S)
+lines = block.group(1).splitlines() if block else []
+print("\n".join(line for line in lines if line and not line.startswith("#")))

@@ -24,7 +24,7 @@ def test_nothing_after_an_instant_changes_what_was_known_at_it(stamps, dt, cut):
     v = np.arange(len(t), dtype=float)
     whole = bind(flight(t, v), P, dt, 0.0, 10.0)
     until = t <= cut
-    if np.median(np.diff(t[until], prepend=-1.0)) <= 0:
+    if not until.any():
         return
     early = bind(flight(t[until], v[until]), P, dt, 0.0, 10.0)
     same = whole.t_s <= cut

@@ -84,9 +84,8 @@ def _compiled(function: F, **options: bool | str) -> F:
         return function
     from .cache import cache_on_disk
 
-    compiled: F = cache_on_disk(
-        numba.njit(error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options)(function)
-    )  # type: ignore[call-overload]
+    compiler = numba.njit(error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options)  # type: ignore[call-overload]
+    compiled: F = cache_on_disk(compiler(function))
     return compiled
 
 

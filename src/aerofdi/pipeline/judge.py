@@ -71,7 +71,7 @@ def _run(d: Diagnoser, flight: Flight, spans: list[Span], flown: list[Span]) -> 
 
 
 def events(r: Run) -> list[dict[str, Any]]:
-    """detected, isolated (each time another fault or mode holds for at least 1 s), cleared.
+    """detected, isolated (each time another fault or mode has held for 1 s, stamped then), cleared.
 
     Where nothing is judged for a while (a gap) an alarm neither ends nor begins; one that stands at the end of a
     span is not called cleared.
@@ -87,7 +87,7 @@ def events(r: Run) -> list[dict[str, Any]]:
             out.append(_event(r, k, "detected", None))
             named = 0
         if now > 0 and now != named and _lasts(active, k, stable):
-            out.append(_event(r, k, "isolated", now))
+            out.append(_event(r, k + stable - 1, "isolated", now))
             named = now
         if now < 0 <= was and k not in r.breaks:
             out.append(_event(r, k, "cleared", named if named > 0 else None))

@@ -21,7 +21,9 @@ from .spans import split
 from .types import Span
 
 FALSE_ALARMS_PER_HOUR = 0.1
-UNEQUAL = 2.0
+UNEQUAL = 3.0
+# High enough that no alarm, cap or recovery of the diagnoser cuts a score short while it is being measured.
+UNCUT = 1e4
 WHOLE_S = 60.0
 
 
@@ -103,10 +105,10 @@ def diagnosers(model: IdentifiedModel, ages: dict[str, float]) -> tuple[Diagnose
 
 
 def scores(flight: Flight, spans: list[Span], model: IdentifiedModel) -> list[float]:
-    """Highest effectiveness score in each span."""
+    """Highest effectiveness score in each span, not cut short by any alarm."""
     if not any(g.identifiable for g in model.groups):
         return []
-    d = effectiveness_setup.from_identified(model, max_ages(model, flight))
+    d = effectiveness_setup.from_identified(model, max_ages(model, flight), UNCUT)
     out = []
     for a, b in spans:
         _, verdict = run(d, bind(flight, d.inputs, d.dt_s, a, b, who=d.name))
@@ -144,7 +146,6 @@ def _refuse(flight: Flight, spans: list[Span], worst: float) -> None:
 def _cross(flight: Flight, learn: list[Span], judge: list[Span]) -> float:
     try:
         model = identify([(flight, a, b) for a, b in learn])
-        # Scores are capped at twice the alarm, which is the limit: it says that, not by how much.
         return max(scores(flight, judge, model), default=0.0)
     except CannotJudge:
         return 0.0
