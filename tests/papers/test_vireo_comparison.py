@@ -34,7 +34,7 @@ def test_the_answer_is_plain_json_with_every_claim(table4):
 @pytest.mark.parametrize(
     "name",
     ["false_alarms_A", "false_alarms_B", "false_alarms_C", "missed_C", "isolated_B", "isolated_C",
-     "left_crossings_B", "order_of_medians", "C_slower_than_A", "C_slower_than_B", "estimate_error",
+     "order_of_medians", "C_slower_than_A", "C_slower_than_B", "estimate_error",
      "estimate_error_large", "near_isolated_B", "near_median_A", "near_median_B", "near_median_C",
      "near_legs_slower_A", "near_legs_slower_B", "near_legs_slower_C"],
 )  # fmt: skip

@@ -36,6 +36,7 @@ A_LAT = np.array(
 )
 B_LAT = np.array([[-0.49], [-201.0], [-9.61], [0.0]])
 STATES = ("v", "p", "r", "phi")
+CHOSEN = "stuck_lpv"
 # Method B judges to this far (m/s) outside the airspeeds of its design, held at the edge: what an airspeed sensor is
 # good to. Slower than that (an elevon stuck far up does it) the aircraft is below the stall speed and B says so.
 SPEED_MARGIN = 0.5
@@ -80,14 +81,14 @@ def method_a(
 
 @cache
 def filters(name: str) -> Design:
-    """A saved design of method B: nominal_lti, robust_lti, nominal_lpv, robust_lpv or another there."""
+    """A saved design of method B, by the name of its file in `designs`."""
     return load_design(Path(__file__).parent / "designs" / f"{name}.toml")
 
 
 def method_b(
     aircraft: str = "vireo",
     *,
-    design: str = "robust_lpv",
+    design: str = CHOSEN,
     threshold: float = 5 * DEG,
     bandwidth: float = 10.0,
     speed_bandwidth: float = 1.0,
@@ -96,6 +97,8 @@ def method_b(
 ) -> Diagnoser:
     """Elevons estimated by two robust LPV filters against their actuator models, section 3.2.
 
+    design: a file of `designs`; default the robust LPV filters with the fault as an input of their synthesis, chosen by
+    stuck faults over the airspeeds (see there). "robust_lpv" has the paper's own weights and nothing else.
     trim_shift: rad, added to the trimmed elevator of the design, for an aircraft that trims elsewhere.
     """
     delay = load_aircraft(aircraft).surface(PAIR[0]).delay

@@ -16,7 +16,7 @@ from ..claims import Findings
 from .flights import CORNER, HERE
 from .limits import allowed
 
-QUICK_SEEDS = 12
+QUICK_SEEDS = 6
 DEG = 180.0 / math.pi
 
 

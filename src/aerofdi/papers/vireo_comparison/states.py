@@ -33,12 +33,13 @@ def step_time_us(d: Diagnoser, repeats: int = 7) -> float:
 def find(quick: bool, progress: Callable[[str, float], None]) -> Findings:
     """Counts as the paper counts them (low passes apart), times measured here."""
     progress("counting states and timing steps", 0.0)
-    a, b = methods.method_a(), methods.method_b()
+    a, b = methods.method_a(), methods.method_b(design="robust_lpv")
     full = methods.method_c_design()
     half = methods.method_c_design(dt_s=HALF_S, delay=2)
     counts = {
         "A": {"model": len(a.params.a), "actuator": 2, "total": len(a.params.a) + 2},
         "B": lpv_observer.state_count(b),
+        "B, fault as input": lpv_observer.state_count(methods.method_b()),
         "C": mmae.state_count(full),
         "C at 46 Hz": mmae.state_count(half),
     }
