@@ -23,7 +23,7 @@ import numpy as np
 
 from ..core.errors import WrongUse
 from ..core.types import Array
-from ..parts.ops import atan2, clip, cos, lean, maximum, minimum, pi, sin, sqrt, tan
+from ..parts.ops import atan2, clip, cos, maximum, merged, minimum, pi, sin, sqrt, tan
 from .loops import GRAVITY, wrap
 from .signals import BANK, COURSE, HEADING, TRACK, Measured, Reference
 
@@ -152,7 +152,7 @@ def init(p: Plan) -> State:
     return State(0, 0, FREE, 0.0, 0.0)
 
 
-@lean
+@merged
 def _row(p: Plan, row: int, t: float) -> int:
     """Index of the last break point at or before t, searched forward from `row`."""
     while row + 1 < len(p.t_s) and p.t_s[row + 1] <= t:
@@ -160,7 +160,7 @@ def _row(p: Plan, row: int, t: float) -> int:
     return row
 
 
-@lean
+@merged
 def _between(p: Plan, column: Array, row: int, t: float) -> float:
     """The column at time t, linear between break points."""
     if row + 1 >= len(p.t_s):
@@ -169,7 +169,7 @@ def _between(p: Plan, column: Array, row: int, t: float) -> float:
     return column[row] + part * (column[row + 1] - column[row])
 
 
-@lean
+@merged
 def _l1_bank(p: Plan, from_n: float, from_e: float, course: float, z: Measured) -> float:
     """Bank (rad) that steers onto the line through (from_n, from_e) with this course."""
     v = maximum(sqrt(z.velocity_north**2 + z.velocity_east**2), 1.0)
@@ -182,7 +182,7 @@ def _l1_bank(p: Plan, from_n: float, from_e: float, course: float, z: Measured) 
     return clip(atan2(accel, GRAVITY), -p.gains.bank_max, p.gains.bank_max)
 
 
-@lean
+@merged
 def _turn_lead(p: Plan, turn: float, z: Measured) -> float:
     """How far before a waypoint a turn by `turn` (rad) at the bank limit must begin, m."""
     v = sqrt(z.velocity_north**2 + z.velocity_east**2)
@@ -190,7 +190,7 @@ def _turn_lead(p: Plan, turn: float, z: Measured) -> float:
     return radius * tan(0.5 * minimum(abs(turn), 0.75 * pi)) + v * p.gains.turn_time
 
 
-@lean
+@merged
 def _track(p: Plan, leg: int, z: Measured) -> tuple[int, int, int, float, float]:
     """The leg to fly now, its end, the end of the one after, its course, and the bank that flies it."""
     m = len(p.north)
@@ -204,7 +204,7 @@ def _track(p: Plan, leg: int, z: Measured) -> tuple[int, int, int, float, float]
     return leg, to, after, course, _l1_bank(p, p.north[leg], p.east[leg], course, z)
 
 
-@lean
+@merged
 def _hold(s: State, request: int, z: Measured) -> State:
     """The next hold:
 
@@ -219,7 +219,7 @@ def _hold(s: State, request: int, z: Measured) -> State:
     return s
 
 
-@lean
+@merged
 def step(p: Plan, s: State, z: Measured, t: float, request: int) -> tuple[State, Reference]:
     """One control instant at time t (s): the Reference, with a core.Request taken into account.
 

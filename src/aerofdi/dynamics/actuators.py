@@ -17,7 +17,7 @@ import numpy as np
 from ..core.errors import WrongUse
 from ..core.types import Array
 from ..parts.delay_line import delay_fill, delay_step, delay_width
-from ..parts.ops import lean
+from ..parts.ops import lean, merged
 from ..parts.servo import RATE, servo_coefficients, servo_step
 from .faults import ABOUT, ADD, DRIVEN, FLOAT_TIME_S, FROZEN, GOAL, HOLD, LATER, SCALE, TRAILING
 from .faults import RATE as FAULT_RATE
@@ -97,7 +97,7 @@ def actuators_rest(state: ActuatorState, trim: Array) -> None:
         delay_fill(state.line[i], trim[i])
 
 
-@lean
+@merged
 def actuators_step(params: ActuatorParams, state: ActuatorState, faults: Array, command: Array) -> None:
     """One step: command (n,) held over it -> position, speed and `felt` at its end. faults: (n, 7)
     `Modified.servo`.

@@ -36,7 +36,7 @@ import numpy as np
 
 from ..core.errors import WrongUse
 from ..core.types import Array
-from ..parts.ops import lean, minimum, sin
+from ..parts.ops import merged, minimum, sin
 
 FLOAT_TIME_S = 0.05
 
@@ -297,7 +297,7 @@ def fault_state(table: FaultTable, servos: int, sensors: int) -> tuple[FaultStat
     return state, Modified(np.tile(_SERVO_CLEAN, (servos, 1)), np.zeros((sensors, 5)), _EFFECTS_CLEAN.copy())
 
 
-@lean
+@merged
 def _share(points: Array, first: int, count: int, since: float) -> float:
     """Linear between the points of a profile, held before the first and after the last; a step counts as
     taken.
@@ -313,7 +313,7 @@ def _share(points: Array, first: int, count: int, since: float) -> float:
     return 0.0
 
 
-@lean
+@merged
 def _clean(modified: Modified) -> None:
     servo = modified.servo
     for i in range(servo.shape[0]):
@@ -325,7 +325,7 @@ def _clean(modified: Modified) -> None:
     e[4] = 0.0
 
 
-@lean
+@merged
 def _on_servo(s: Array, r: Array, t: float, share: float, latch: float, alpha: float, beta: float) -> None:
     """Enter one active fault into the servo's row s."""
     kind, value, extra = int(r[KIND]), r[VALUE], r[EXTRA]
@@ -348,7 +348,7 @@ def _on_servo(s: Array, r: Array, t: float, share: float, latch: float, alpha: f
         s[LATER] += value * share * extra
 
 
-@lean
+@merged
 def _on_airframe(e: Array, kind: int, target: int, size: float) -> None:
     """Enter one active fault into the effects: lift left, right, drag left, right, icing, thrust."""
     if kind == LIFT:
@@ -359,7 +359,7 @@ def _on_airframe(e: Array, kind: int, target: int, size: float) -> None:
         e[4] += size
 
 
-@lean
+@merged
 def _on_sensor(s: Array, r: Array, t: float, share: float) -> None:
     """Enter one active fault into the sensor's row s."""
     kind, size = int(r[KIND]), r[VALUE] * share
@@ -377,7 +377,7 @@ def _on_sensor(s: Array, r: Array, t: float, share: float) -> None:
         s[S_LATER] += size * r[EXTRA]
 
 
-@lean
+@merged
 def faults_now(
     table: FaultTable,
     state: FaultState,

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..parts.ops import atan2, inline, maximum, sqrt, where
+from ..parts.ops import atan2, inline, maximum, merged, sqrt, where
 from .aero import AirData, aero_inputs, air_data, coefficients, iced
 from .atmosphere import Air, density
 from .propulsion import propulsion
@@ -250,7 +250,7 @@ def _settled(y: State) -> State:
     )  # fmt: skip
 
 
-@inline
+@merged
 def rk4_step(
     params: PlantParams,
     x: State,
@@ -298,7 +298,7 @@ def step(
     return rk4_step(params, x, k1, surfaces, throttle, surfaces, throttle, wind, effects, dt)
 
 
-@inline
+@merged
 def outputs(params: PlantParams, x: State, k: State, wind: Wind) -> Outputs:
     """What sensors may look at; k is the derivative at x."""
     e0, e1, e2, e3 = x.e0, x.e1, x.e2, x.e3

@@ -19,7 +19,7 @@ import numpy as np
 from ..core.errors import WrongUse
 from ..core.types import Array
 from ..parts.delay_line import delay_fill, delay_step, delay_width
-from ..parts.ops import cos, floor, lean, pi, sin, sqrt
+from ..parts.ops import cos, floor, lean, merged, pi, sin, sqrt
 from ..parts.random import normal4
 from .faults import S_ADD, S_FROZEN, S_LATER, S_OFF, S_SIGMA
 from .types import Outputs, State
@@ -169,7 +169,7 @@ def sensor_state(params: SensorParams, extra_delay_s: float = 0.0) -> SensorStat
     )
 
 
-@lean
+@merged
 def true_values(x: State, z: Outputs, velocity: tuple[float, float, float], truth: Array) -> None:
     """Fill truth (25,) in the order of TRUE. velocity: north, east, down over ground, m/s."""
     truth[0], truth[1], truth[2] = x.p, x.q, x.r
@@ -198,14 +198,14 @@ def sensors_start(params: SensorParams, state: SensorState, truth: Array, seed: 
             delay_fill(state.line[i], truth[params.source[i]])
 
 
-@lean
+@merged
 def _reading(n: Array, s: SensorState, i: int, fault: Array, t: float, noise: float) -> float:
     """What sensor i says about the (delayed) true value it sees."""
     z = s.seen[i] + n[BIAS] + s.turn_on[i] + n[DRIFT] * t + s.walk[i] + n[SIGMA] * noise + fault[S_ADD]
     return z - 2.0 * pi * floor((z + pi) / (2.0 * pi)) if n[WRAP] > 0.0 else z
 
 
-@lean
+@merged
 def sensors_due(params: SensorParams, k: int) -> bool:
     """Whether step k must fill `truth` for `sensors_step`: any sensor samples, or a delay line needs its
     input.
@@ -216,7 +216,7 @@ def sensors_due(params: SensorParams, k: int) -> bool:
     return due
 
 
-@lean
+@merged
 def sensors_step(
     params: SensorParams,
     state: SensorState,

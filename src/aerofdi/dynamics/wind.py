@@ -32,7 +32,7 @@ import numpy as np
 
 from ..core.errors import WrongUse
 from ..core.types import Array
-from ..parts.ops import cos, lean, log, maximum, pi
+from ..parts.ops import cos, lean, log, maximum, merged, pi
 from ..parts.random import normal4
 from .types import Wind
 
@@ -222,7 +222,7 @@ def wind_start(params: WindParams, state: WindState, seed: int, run: int) -> Non
         state.way[i] = 0.0
 
 
-@lean
+@merged
 def _output(c: Array, x: Array, i: int) -> tuple[float, float]:
     """Velocity and rotation of axis i."""
     x0, x1, x2, x3 = x[i, 0], x[i, 1], x[i, 2], x[i, 3]
@@ -232,7 +232,7 @@ def _output(c: Array, x: Array, i: int) -> tuple[float, float]:
     )
 
 
-@lean
+@merged
 def _turbulence(c: Array, x: Array) -> tuple[float, float, float, float, float, float]:
     """u, v, w, p, q, r of the filters."""
     u = v = w = p = q = r = 0.0
@@ -262,7 +262,7 @@ def _gust(amplitude: float, length: float, stays: float, way: float) -> float:
     return 0.5 * amplitude * (1.0 - cos(pi * way / length)) if way < 2.0 * length else 0.0
 
 
-@lean
+@merged
 def shear_factor(params: WindParams, altitude: float) -> float:
     """Wind at this altitude over that at shear_height, ln(h/z0)/ln(h_ref/z0); held below 3 ft, 1 without
     shear."""
@@ -272,7 +272,7 @@ def shear_factor(params: WindParams, altitude: float) -> float:
     return log(h / params.roughness) / log(params.shear_height / params.roughness)
 
 
-@lean
+@merged
 def wind_now(params: WindParams, state: WindState, altitude: float) -> Wind:
     """The air's velocity and rotation now, at this altitude (m)."""
     f = shear_factor(params, altitude)
@@ -285,7 +285,7 @@ def wind_now(params: WindParams, state: WindState, altitude: float) -> Wind:
     return Wind(f * params.steady[0], f * params.steady[1], f * params.steady[2], u, v, w, p, q, r)
 
 
-@lean
+@merged
 def wind_advance(
     params: WindParams, state: WindState, seed: int, run: int, k: int, t: float, airspeed: float, dt: float
 ) -> None:
@@ -300,7 +300,7 @@ def wind_advance(
             state.way[i] += airspeed * dt
 
 
-@lean
+@merged
 def _filter_step(a: Array, b: Array, x: Array, i: int, noise: float) -> None:
     """x <- a x + b noise of axis i."""
     x0, x1, x2, x3 = x[i, 0], x[i, 1], x[i, 2], x[i, 3]

@@ -38,7 +38,7 @@ from ..dynamics.sensors import (
 )
 from ..dynamics.types import Effects, Outputs, State, Surfaces, Wind
 from ..dynamics.wind import WindParams, WindState, wind_advance, wind_now, wind_start
-from ..parts.ops import lean
+from ..parts.ops import lean, merged
 
 AIR = 6  # truth columns after those of sensors: wind north, east, down, and its rotation p, q, r
 DIVERGED = 1e4  # m/s or rad/s: beyond this the flight is over
@@ -105,7 +105,7 @@ class Motion(NamedTuple):
     guide: guidance.State
 
 
-@lean
+@merged
 def _surfaces(felt: Array) -> Surfaces:
     """The deflections as the plant's tuple of eight; felt has the throttle after the surfaces."""
     n = felt.shape[0] - 1
@@ -121,12 +121,12 @@ def _surfaces(felt: Array) -> Surfaces:
     )
 
 
-@lean
+@merged
 def _effects(e: Array) -> Effects:
     return Effects(e[0], e[1], e[2], e[3], e[4], e[5])
 
 
-@lean
+@merged
 def measured(f: np.ndarray, r: Array) -> Measured:
     """The last readings as the autopilot sees them; the place after the last sensor always reads 0."""
     return Measured(
@@ -135,13 +135,13 @@ def measured(f: np.ndarray, r: Array) -> Measured:
     )  # fmt: skip
 
 
-@lean
+@merged
 def _look(truth: Array, x: State, z: Outputs) -> None:
     """Fill the true values of this instant."""
     true_values(x, z, to_ned(x.e0, x.e1, x.e2, x.e3, x.u, x.v, x.w), truth)
 
 
-@lean
+@merged
 def _record_truth(truth: Array, felt: Array, size: Array, out: Array, row: int, x: State, wind: Wind) -> None:
     n = truth.shape[0]
     for i in range(n):
@@ -157,7 +157,7 @@ def _record_truth(truth: Array, felt: Array, size: Array, out: Array, row: int, 
         out[row, n + i] = size[i]
 
 
-@lean
+@merged
 def _record_command(route: np.ndarray, trim: Array, command: Any, kept: Array, out: Array, row: int) -> None:
     """Route the controller's commands to the servos, and put them on record."""
     for i in range(kept.shape[0]):
@@ -165,14 +165,14 @@ def _record_command(route: np.ndarray, trim: Array, command: Any, kept: Array, o
         out[row, i] = kept[i]
 
 
-@lean
+@merged
 def _record_reference(
     out: Array, row: int, bank: float, pitch: float, airspeed: float, altitude: float
 ) -> None:
     out[row, 0], out[row, 1], out[row, 2], out[row, 3] = bank, pitch, airspeed, altitude
 
 
-@lean
+@merged
 def _flies(x: State) -> bool:
     """False once anything is not finite or absurd; NaN compares false."""
     speed = x.u * x.u + x.v * x.v + x.w * x.w
