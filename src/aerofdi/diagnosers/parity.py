@@ -7,7 +7,8 @@
 
 It detects; it has one residual a rate and does not say which surface. Guarantees hold while the model does: a
 residual that model error alone drives over T is a false alarm, which is why T is calibrated on healthy flight.
-Not modelled: gusts (they pass R below its bandwidth). Source: vireo_comparison, section 3.1, Figure 3.
+Not modelled: gusts (they pass R below its bandwidth); airspeed beyond its effect on the surfaces (the model's own
+damping and trim stay those of its reference airspeed). Source: vireo_comparison, section 3.1, Figure 3.
 """
 
 from __future__ import annotations

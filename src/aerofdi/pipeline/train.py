@@ -21,7 +21,7 @@ from .spans import split
 from .types import Span
 
 FALSE_ALARMS_PER_HOUR = 0.1
-UNEQUAL = 3.0
+UNEQUAL = 2.5
 # High enough that no alarm, cap or recovery of the diagnoser cuts a score short while it is being measured.
 UNCUT = 1e4
 WHOLE_S = 60.0
