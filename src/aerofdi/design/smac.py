@@ -49,8 +49,8 @@ class Spec:
     f_i3_hz: of the evaluators. threshold_sigmas: the noise part of sup|gamma| in standard deviations. gamma2: for
     "sum", rad/s. axis: p, q, r thresholds instead of computed ones, rad/s. smallest_fault_deg: stuck angle about trim
     that must be found, None: whatever the noise allows. lambda_share: Lambda_thresh as a share of 2A/pi. kappa: answering
-    share, None: measured. torque_scale: of the model's torques. r_w, r_v: noise of the filter. margin: standard
-    deviations of caution in a decision. follow_wind: thresholds grow with the measured gusts. wind: standard deviation
+    share, None: measured. torque_scale: of the model's torques. r_w, r_v: noise of the filter. odds: log-likelihood ratio
+    that decides a test; a wrong decision has a probability below exp(-odds) if the noise is as heard. follow_wind: thresholds grow with the measured gusts, up to wind_cap times. wind: standard deviation
     of the gusts of the training flights, m/s. seconds, bank_deg, pitch_deg, altitude_m, track_m: excitation budget.
     sweep_every_s: test all surfaces this often without suspicion, 0: never. Times of the isolator in s.
     """
@@ -78,8 +78,9 @@ class Spec:
     torque_scale: float = 1.0
     r_w: float = 2.0
     r_v: float = 0.1
-    margin: float = 1.5
+    odds: float = 8.0
     follow_wind: bool = True
+    wind_cap: float = 3.0
     wind: float = 2.5
     seconds: float = 240.0
     bank_deg: float = 30.0
@@ -87,9 +88,9 @@ class Spec:
     altitude_m: float = 30.0
     track_m: float = 100.0
     sweep_every_s: float = 0.0
-    settle_s: float = 1.0
+    settle_s: float = 8.0
     test_min_s: float = 1.2
-    test_max_s: float = 4.0
+    test_max_s: float = 20.0
     confirm_s: float = 0.1
     recover_s: float = 0.3
     rest_s: float = 2.0
@@ -102,8 +103,8 @@ class Spec:
 # What the paper states (sections 3.1.4, 3.2.2, 3.4.4, 3.5, 4); f_i1 by (19) with 5 % in 1.6 s, the rest is not stated.
 PAPER = Spec(
     rule="sum", evaluator="rectified", together=False, f1_hz=0.4, f2_hz=0.4, axis=(0.03, 0.2, 0.5), gamma2=0.025,
-    lambda_share=0.01 / tune.lambda_max(math.radians(2.0)), kappa=1.0, torque_scale=0.75, margin=0.0, follow_wind=False,
-    release=1.0,
+    lambda_share=0.01 / tune.lambda_max(math.radians(2.0)), kappa=1.0, torque_scale=0.75, follow_wind=False,
+    release=1.0, test_max_s=4.0,
 )  # fmt: skip
 
 
@@ -233,16 +234,12 @@ def _probe(surfaces: tuple[str, ...], axis: Array, answers: Answers, dead: Array
     mean = np.array([1.0 - tune.low_pass(spec.f_i1_hz, w, dt) for w in answers.omega])
     noise = np.array([tune.low_pass(spec.f_i2_hz, w, dt) for w in answers.omega])
     loop = np.array([tune.lone_loop(r, h) for r, h in zip(answers.value, twins, strict=True)])
-    heard = answers.value * mean
-    alone = np.array([tune.lone_answer(x) for x in loop]) * mean * noise
+    alone = np.array([tune.lone_answer(x) for x in loop])
+    heard = np.array([tune.common_answer(r * m, x * m) for r, x, m in zip(answers.value, alone, mean, strict=True)])
     # Sound twins share the answer, a lone one gives all of it: the rectified evaluator aims between the two.
-    kappa = 0.5 * (np.abs(heard * noise) + np.abs(alone)) if spec.kappa is None else np.full(n, spec.kappa)
-    lag = np.array(
-        [
-            round(0.5 * (tune.opposite_delay(a, w, dt) + tune.opposite_delay(b, w, dt)))
-            for a, b, w in zip(heard * noise, alone, answers.omega, strict=True)
-        ]
-    )
+    middle = 0.5 * (answers.value + alone) * mean * noise
+    kappa = np.abs(middle) if spec.kappa is None else np.full(n, spec.kappa)
+    lag = np.array([tune.opposite_delay(x, w, dt) for x, w in zip(middle, answers.omega, strict=True)])
     surface = np.column_stack(
         [
             np.full(n, A), answers.omega * dt, np.full(n, A), np.full(n, spec.lambda_share * tune.lambda_max(A)), kappa,
@@ -253,7 +250,7 @@ def _probe(surfaces: tuple[str, ...], axis: Array, answers: Answers, dead: Array
     k = np.arange(window)[:, None] * answers.omega * dt
     return t.Probe(
         EVALUATORS[spec.evaluator], tune.share(spec.f_i1_hz, dt), tune.share(spec.f_i2_hz, dt),
-        tune.share(spec.f_i3_hz, dt), tune.share(2.0, dt), window, spec.stuck_below, np.ascontiguousarray(surface),
+        tune.share(spec.f_i3_hz, dt), tune.share(0.15, dt), window, spec.stuck_below, np.ascontiguousarray(surface),
         np.column_stack([axis, lag]).astype(np.int64), np.array(slots, dtype=np.int64),
         np.hstack([np.cos(k), np.sin(k)]),
     )  # fmt: skip
@@ -265,7 +262,7 @@ def _timing(spec: Spec) -> t.Timing:
 
     return t.Timing(
         n(spec.settle_s), n(spec.test_min_s), n(spec.test_max_s), n(spec.confirm_s), n(spec.recover_s), n(spec.rest_s),
-        n(spec.retest_s), n(spec.sweep_every_s), spec.margin,
+        n(spec.retest_s), n(spec.sweep_every_s), spec.odds,
     )  # fmt: skip
 
 
@@ -394,7 +391,7 @@ def _params(
     silent = not np.isfinite(axis).any()
     detector = t.Detector(
         RULES[spec.rule], tune.share(spec.f1_hz, dt), tune.share(spec.f2_hz, dt),
-        math.inf if silent else spec.gamma2 if spec.rule == "sum" else 1.0, spec.release, floor,
+        math.inf if silent else spec.gamma2 if spec.rule == "sum" else 1.0, spec.release, floor, spec.wind_cap,
         tune.share(0.5, dt), tune.share(0.05, dt), tune.share(0.016, dt), tune.share(0.15, dt),
         np.asarray(axis, float), wind, sensitivity,
     )  # fmt: skip

@@ -171,6 +171,19 @@ def lone_answer(loop: complex) -> complex:
     return -loop / (1.0 + loop)
 
 
+def common_answer(shared: complex, alone: complex) -> complex:
+    """The reference R0 in whose direction both answers of a sound surface, shared and alone, project to at least 1.
+
+    It is the point nearest to 0 of the segment between them: Re(R / R0) >= 1 for both, 0 for no answer, and no other
+    direction lets noise weigh less.
+    """
+    along = alone - shared
+    if abs(along) < 1e-9 * abs(shared):
+        return shared
+    step = -(shared * along.conjugate()).real / abs(along) ** 2
+    return shared + min(max(step, 0.0), 1.0) * along
+
+
 def share(frequency_hz: float, dt_s: float) -> float:
     """1 - exp(-2 pi f Ts): the step of an exactly sampled first-order low-pass with a held input."""
     return 1.0 - math.exp(-2.0 * math.pi * frequency_hz * dt_s)

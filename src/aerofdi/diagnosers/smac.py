@@ -48,10 +48,10 @@ from ..core import (
     Verdict,
     WrongUse,
 )
-from ..parts.ops import inline, jit, maximum, sqrt
+from ..parts.ops import inline, jit, maximum, minimum, sqrt
 from .smac_ekf import ekf_step, input_acceleration
 from .smac_health import evaluate_health, listen, loss_std, remaining, silence, watch_commands
-from .smac_isolator import HALT, TEST, TRACK, isolate, reset
+from .smac_isolator import HALT, REST, TEST, TRACK, isolate, reset
 from .smac_types import (
     AIRSPEED,
     ALPHA,
@@ -121,7 +121,7 @@ def _input_status(p: Params, z: Array, age: Array) -> int:
 
 @inline
 def _start(p: Params, s: State, z: Array) -> None:
-    """After a start or a gap: the filter begins at the measured rates, command filters at the commands."""
+    """At the start and after a long gap: the filter begins at the measured rates, command filters at the commands."""
     n = len(s.surface)
     s.kalman[:] = 0.0
     for i in range(3):
@@ -135,6 +135,14 @@ def _start(p: Params, s: State, z: Array) -> None:
         s.misc[WIND_AF], s.misc[WIND_AS] = z[ALPHA], z[ALPHA]
         s.misc[WIND_BF], s.misc[WIND_BS] = z[BETA], z[BETA]
     s.clock[READY], s.clock[CALM], s.clock[GAP] = 0, 0, 0
+
+
+@inline
+def _resume(s: State, z: Array) -> None:
+    """After a gap shorter than the window: only the rates are old."""
+    for i in range(3):
+        s.kalman[i] = z[i]
+    s.clock[GAP], s.clock[CALM] = 0, 0
 
 
 @inline
@@ -164,13 +172,15 @@ def _follow_wind(p: Params, s: State, z: Array) -> None:
     fast_a, slow_a = fast_a + fast * (alpha - fast_a), slow_a + slow * (alpha - slow_a)
     fast_b, slow_b = fast_b + fast * (beta - fast_b), slow_b + slow * (beta - slow_b)
     power = float(misc[WIND_POWER])
-    if s.clock[READY] * d.a_slow > 2.0:
-        power += d.a_wind * ((fast_a - slow_a) ** 2 + (fast_b - slow_b) ** 2 - power)
+    late = int(s.clock[READY]) - 1.0 / d.a_slow
+    if late > 0.0:
+        now = (fast_a - slow_a) ** 2 + (fast_b - slow_b) ** 2
+        power += maximum(d.a_wind, minimum(1.0, 1.0 / late)) * (now - power)
     misc[WIND_AF], misc[WIND_AS], misc[WIND_BF], misc[WIND_BS] = fast_a, slow_a, fast_b, slow_b
     misc[WIND_POWER] = power
     more = maximum(power - d.wind_floor, 0.0)
     for i in range(3):
-        misc[SCALE + i] = sqrt(1.0 + d.wind_gain[i] * d.wind_gain[i] * more)
+        misc[SCALE + i] = minimum(sqrt(1.0 + d.wind_gain[i] * d.wind_gain[i] * more), d.wind_cap)
 
 
 @inline
@@ -316,8 +326,10 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
         _bad_sample(s)
         _say(p, s, status, out, k)
         return
-    if clock[GAP] > 0 or clock[INDEX] == 0:
+    if clock[INDEX] == 0 or clock[GAP] > p.probe.window:
         _start(p, s, z)
+    elif clock[GAP] > 0:
+        _resume(s, z)
     _follow_wind(p, s, z)
     residuals(p, s, z)
     watch_commands(p.probe, s, z, FIRST, len(s.surface))
@@ -328,13 +340,13 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
         detect(p.detector, s)
         _estimate(p, s, z)
     if ready:
-        if clock[CALM] > p.probe.window and clock[FLAG] == 0:
-            listen(p.probe, s, p.detector.a_wind)
-        clock[CALM] += 1
-        evaluate_health(p.probe, s, clock[MODE] == TRACK)
+        evaluate_health(p, s)
         isolate(p, s, z)
     else:
         clock[FLAG] = 0
+    if clock[CALM] > p.probe.window and (clock[FLAG] == 0 or clock[MODE] == REST):
+        listen(p.probe, s, p.detector.a_wind)
+    clock[CALM] += 1
     clock[INDEX] += 1
     _say(p, s, OUTSIDE if clock[MODE] == HALT else (0 if ready else NOT_READY), out, k)
 

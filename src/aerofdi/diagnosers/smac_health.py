@@ -24,6 +24,8 @@ Not modelled: twins of unlike effect, and groups coupled through two axes (elevo
 
 from __future__ import annotations
 
+from math import isfinite, nan
+
 from ..core import Array
 from ..parts.ops import clip, inline, maximum, pi, sin, sqrt
 from .smac_types import (
@@ -39,16 +41,17 @@ from .smac_types import (
     DEAD_RE,
     E_COS,
     E_SIN,
+    EVIDENCE,
     EXCITATION,
     EXCITED,
     FUSED,
     HEALTHY_RE,
     HEARD,
-    HOLD,
     INDEX,
     LABEL,
     LAG,
     LAMBDA,
+    LISTENED,
     LOOP_IM,
     LOOP_RE,
     MEAN,
@@ -60,8 +63,10 @@ from .smac_types import (
     RECTIFIED,
     REPLY,
     RESIDUAL,
+    THRESHOLD,
     WITNESS_IM,
     WITNESS_RE,
+    Params,
     Probe,
     State,
 )
@@ -99,65 +104,108 @@ def watch_commands(probe: Probe, s: State, z: Array, first: int, n: int) -> None
 
 @inline
 def listen(probe: Probe, s: State, a_ambient: float) -> None:
-    """Without excitation: how much commands and residuals move at the test frequencies by themselves
-    (ambient).
+    """Without excitation: how much commands and residuals move at the test frequencies by themselves (ambient).
+
+    The mean of all that was heard so far, later of the last while.
     """
     surface, scale = s.surface, 2.0 / probe.window
+    share = maximum(a_ambient, 1.0 / (1.0 + int(s.clock[LISTENED])))
+    s.clock[LISTENED] += 1
     for i in range(len(surface)):
         c, d = scale * float(surface[i, C_COS]), scale * float(surface[i, C_SIN])
-        surface[i, C_POWER] += a_ambient * (c * c + d * d - float(surface[i, C_POWER]))
+        surface[i, C_POWER] += share * (c * c + d * d - float(surface[i, C_POWER]))
         c, d = scale * float(surface[i, R_COS]), scale * float(surface[i, R_SIN])
-        surface[i, R_POWER] += a_ambient * (c * c + d * d - float(surface[i, R_POWER]))
+        surface[i, R_POWER] += share * (c * c + d * d - float(surface[i, R_POWER]))
 
 
 @inline
-def _rectified(probe: Probe, s: State, i: int) -> None:
-    """(17): the AHE of the paper."""
+def _rectified(probe: Probe, s: State, i: int) -> float:
+    """(17): the AHE of the paper; returns the lost share Lambda / (2A/pi)."""
     n = len(s.surface)
     delayed = float(s.ring[n + i, (int(s.clock[INDEX]) - int(probe.place[i, LAG])) % probe.window])
     gap = abs(delayed + float(s.surface[i, NOISE]) / float(probe.surface[i, REPLY]))
     s.surface[i, LAMBDA] += probe.a_lambda * (gap - float(s.surface[i, LAMBDA]))
     s.count[i, HEARD] += 1
+    return float(s.surface[i, LAMBDA]) * pi / (2.0 * float(probe.surface[i, AMPLITUDE]))
 
 
 @inline
-def _synchronous(probe: Probe, s: State, i: int, tracking: bool) -> None:
-    """Average R and Q over the test (while tracking: over its last moments) and turn them into Lambda."""
+def _fused(probe: Probe, s: State, i: int, from_command: float, from_residual: float) -> float:
+    """The two lost shares weighted by the inverse of their variances; the command's alone where not FUSED."""
+    if probe.method != FUSED:
+        return from_command
+    a = _variance(probe, s, i, C_POWER, HEALTHY_RE)
+    b = _variance(probe, s, i, R_POWER, DEAD_RE)
+    return (b * from_command + a * from_residual) / (a + b) if a + b > 0.0 else from_command
+
+
+@inline
+def _synchronous(probe: Probe, s: State, i: int) -> float:
+    """The lost share of the last window, NaN before there is one; R, Q and Lambda are averaged, at most over a_track."""
     surface, count = s.surface, s.count
     A = float(probe.surface[i, AMPLITUDE])
     ec, es = float(surface[i, E_COS]), float(surface[i, E_SIN])
     power = ec * ec + es * es
     if count[i, EXCITED] < probe.window + probe.place[i, LAG] or power < (0.1 * probe.window * A) ** 2:
-        return
-    count[i, HEARD] += 1
-    share = 1.0 / int(count[i, HEARD])
-    if tracking:
-        share = maximum(share, probe.a_track)
+        return nan
     cc, cs = float(surface[i, C_COS]), float(surface[i, C_SIN])
     rc, rs = float(surface[i, R_COS]), float(surface[i, R_SIN])
-    surface[i, ANSWER_RE] += share * ((cc * ec + cs * es) / power - surface[i, ANSWER_RE])
-    surface[i, ANSWER_IM] += share * ((cc * es - cs * ec) / power - surface[i, ANSWER_IM])
-    surface[i, WITNESS_RE] += share * ((rc * ec + rs * es) / power - surface[i, WITNESS_RE])
-    surface[i, WITNESS_IM] += share * ((rc * es - rs * ec) / power - surface[i, WITNESS_IM])
-    lost = 1.0 - _projection(probe, s, i, ANSWER_RE, HEALTHY_RE)
-    if probe.method == FUSED:
-        a = variance(probe, s, i, C_POWER, HEALTHY_RE)
-        b = variance(probe, s, i, R_POWER, DEAD_RE)
-        if a + b > 0.0:
-            lost = (b * lost + a * _projection(probe, s, i, WITNESS_RE, DEAD_RE)) / (a + b)
-    surface[i, LAMBDA] = 2.0 * A / pi * maximum(lost, 0.0)
+    answer_re, answer_im = (cc * ec + cs * es) / power, (cc * es - cs * ec) / power
+    witness_re, witness_im = (rc * ec + rs * es) / power, (rc * es - rs * ec) / power
+    count[i, HEARD] = min(int(count[i, HEARD]) + 1, int(1.0 / probe.a_track))
+    share = 1.0 / int(count[i, HEARD])
+    surface[i, ANSWER_RE] += share * (answer_re - surface[i, ANSWER_RE])
+    surface[i, ANSWER_IM] += share * (answer_im - surface[i, ANSWER_IM])
+    surface[i, WITNESS_RE] += share * (witness_re - surface[i, WITNESS_RE])
+    surface[i, WITNESS_IM] += share * (witness_im - surface[i, WITNESS_IM])
+    now = _fused(
+        probe, s, i,
+        1.0 - _projection(probe, i, answer_re, answer_im, HEALTHY_RE),
+        _projection(probe, i, witness_re, witness_im, DEAD_RE),
+    )  # fmt: skip
+    mean = _fused(
+        probe, s, i,
+        1.0 - _projection(probe, i, surface[i, ANSWER_RE], surface[i, ANSWER_IM], HEALTHY_RE),
+        _projection(probe, i, surface[i, WITNESS_RE], surface[i, WITNESS_IM], DEAD_RE),
+    )  # fmt: skip
+    surface[i, LAMBDA] = 2.0 * A / pi * maximum(mean, 0.0)
+    return now
 
 
 @inline
-def _projection(probe: Probe, s: State, i: int, measured: int, reference: int) -> float:
-    """Re(measured / reference), columns of the real parts of s.surface and probe.surface."""
-    a, b = float(s.surface[i, measured]), float(s.surface[i, measured + 1])
+def _weigh(p: Params, s: State, i: int, lost: float) -> None:
+    """One sample of evidence. While testing, Wald's sequential test of "does not answer" (lost 1) against "sound"
+    (lost 0), its zero moved to Lambda_thresh; while tracking, Page's cumulative sum of the opposite.
+
+    lost is one window's estimate of variance v. The first window brings (lost - threshold) / v; consecutive windows
+    share all but one of N samples, so each further sample brings 1/N of that. Steps are bounded so that the change of
+    a label never rests on one sample.
+    """
+    tracking = s.count[i, LABEL] > 0
+    most = p.timing.odds / (p.timing.recover if tracking else p.timing.confirm)
+    gap = lost - float(p.probe.surface[i, THRESHOLD]) * pi / (2.0 * float(p.probe.surface[i, AMPLITUDE]))
+    if p.probe.method == RECTIFIED:
+        step = most if gap > 0.0 else -most
+    elif s.clock[LISTENED] == 0:
+        step = 0.0
+    else:
+        step = gap / maximum(window_variance(p.probe, s, i), 1e-9)
+        first = s.count[i, HEARD] == 1 and not tracking
+        most = p.timing.odds - most if first else most
+        step = clip(step if first else step / p.probe.window, -most, most)
+    evidence = float(s.surface[i, EVIDENCE])
+    s.surface[i, EVIDENCE] = maximum(evidence - step, 0.0) if tracking else evidence + step
+
+
+@inline
+def _projection(probe: Probe, i: int, a: float, b: float, reference: int) -> float:
+    """Re((a + jb) / reference), its real part in that column of probe.surface."""
     c, d = float(probe.surface[i, reference]), float(probe.surface[i, reference + 1])
     return (a * c + b * d) / (c * c + d * d)
 
 
 @inline
-def variance(probe: Probe, s: State, i: int, power: int, reference: int) -> float:
+def _variance(probe: Probe, s: State, i: int, power: int, reference: int) -> float:
     """Variance of one window's lost share from what command or residual do without excitation."""
     A, c, d = (
         float(probe.surface[i, AMPLITUDE]),
@@ -165,6 +213,16 @@ def variance(probe: Probe, s: State, i: int, power: int, reference: int) -> floa
         float(probe.surface[i, reference + 1]),
     )
     return 0.5 * float(s.surface[i, power]) / (A * A * (c * c + d * d))
+
+
+@inline
+def window_variance(probe: Probe, s: State, i: int) -> float:
+    """Variance of the lost share that one window gives, from the ambient."""
+    one = _variance(probe, s, i, C_POWER, HEALTHY_RE)
+    if probe.method == FUSED:
+        b = _variance(probe, s, i, R_POWER, DEAD_RE)
+        one = one * b / (one + b) if one + b > 0.0 else 0.0
+    return one
 
 
 @inline
@@ -188,28 +246,23 @@ def remaining(probe: Probe, s: State, i: int) -> float:
 
 
 @inline
-def evaluate_health(probe: Probe, s: State, tracking: bool) -> None:
-    """One sample of the AHE of every surface under excitation."""
+def evaluate_health(p: Params, s: State) -> None:
+    """One sample of the AHE of every surface under excitation, from `test_min` on with evidence."""
     for i in range(len(s.surface)):
         if s.count[i, EXCITED] > 0:
-            if probe.method == RECTIFIED:
-                _rectified(probe, s, i)
-            else:
-                _synchronous(probe, s, i, tracking)
+            lost = _rectified(p.probe, s, i) if p.probe.method == RECTIFIED else _synchronous(p.probe, s, i)
+            if isfinite(lost) and s.count[i, EXCITED] >= p.timing.test_min:
+                _weigh(p, s, i, lost)
+            elif isfinite(lost):
+                s.count[i, HEARD] = 0
 
 
 @inline
 def loss_std(probe: Probe, s: State, i: int) -> float:
-    """Standard deviation of the lost share after the windows averaged so far (0 for the rectified
-    evaluator).
-    """
+    """Standard deviation of the lost share after the windows averaged so far (0 for the rectified evaluator)."""
     if probe.method == RECTIFIED or s.count[i, HEARD] == 0:
         return 0.0
-    one = variance(probe, s, i, C_POWER, HEALTHY_RE)
-    if probe.method == FUSED:
-        b = variance(probe, s, i, R_POWER, DEAD_RE)
-        one = one * b / (one + b) if one + b > 0.0 else 0.0
-    return sqrt(one / (1.0 + int(s.count[i, HEARD]) / probe.window))
+    return sqrt(window_variance(probe, s, i) / (1.0 + int(s.count[i, HEARD]) / probe.window))
 
 
 @inline
@@ -220,7 +273,8 @@ def excite(probe: Probe, s: State, i: int) -> None:
         surface[i, LAMBDA] = 0.0
         surface[i, ANSWER_RE], surface[i, ANSWER_IM] = 0.0, 0.0
         surface[i, WITNESS_RE], surface[i, WITNESS_IM] = 0.0, 0.0
-        count[i, HEARD], count[i, HOLD] = 0, 0
+        surface[i, EVIDENCE] = 0.0
+        count[i, HEARD] = 0
     count[i, EXCITED] += 1
     limit = float(probe.surface[i, BUDGET])
     wave = float(probe.surface[i, AMPLITUDE]) * sin(float(probe.surface[i, PHASE]) * int(count[i, EXCITED]))
@@ -231,5 +285,5 @@ def excite(probe: Probe, s: State, i: int) -> None:
 @inline
 def silence(s: State, i: int) -> None:
     """No excitation of surface i from the next sample on."""
-    s.count[i, EXCITED] = 0
-    s.surface[i, EXCITATION] = 0.0
+    s.count[i, EXCITED], s.count[i, HEARD] = 0, 0
+    s.surface[i, EXCITATION], s.surface[i, EVIDENCE] = 0.0, 0.0

@@ -4,12 +4,12 @@
 |-------|-----------------------|---------|----------------------------------------------------------|
 | WATCH | nothing               | TEST    | ThereIsaFault, or a sweep is due (`sweep_every`)         |
 | TEST  | excites the surfaces  | TEST    | all of the slot decided, or `test_max`: the next slot    |
-|       | of one slot           | TRACK   | the round is over and a surface is declared              |
-|       |                       | REST    | the round is over and none is                            |
-|       |                       | WATCH   | ThereIsaFault has fallen, nothing declared, no sweep     |
+|       | of one slot (and the  | TRACK   | the round is over and a surface is declared              |
+|       | declared, if apart)   | REST    | the round is over and none is; or the slot is decided,   |
+|       |                       |         | none is, ThereIsaFault has fallen, and it is no sweep    |
 | TRACK | excites the declared  | TEST    | another axis shows a residual (after `rest`), or         |
 |       | surfaces              |         | `retest`: its twins again                                |
-|       |                       | REST    | every declared surface answers again for `recover`       |
+|       |                       | REST    | every declared surface answers again                     |
 | REST  | nothing               | WATCH   | after `rest` (TRACK where a surface is declared)         |
 | HALT  | nothing;              | REST    | back in the envelope for `rest`; entered from TEST and   |
 |       | OUT_OF_ENVELOPE       |         | TRACK at once                                            |
@@ -17,10 +17,10 @@
 |       | fall after `settle`   |         | excitation are used up                                   |
 |       | without a flag        |         |                                                          |
 
-A decision needs `test_min` samples of excitation and `confirm` samples on one side of the threshold: Lambda
-above it = declared, below = sound; `margin` standard deviations are added on both sides, so in wind a test
-takes longer instead of guessing. A surface still undecided after `test_max` is undecided, is not declared,
-and is tried again next round.
+A decision needs `test_min` samples of excitation and evidence beyond `odds` (see `smac_health`): for "does not
+answer" the surface is declared, for "sound" it is acquitted. The evidence is weighed with the noise heard before the
+test, so in wind a test takes longer instead of guessing. A surface still undecided after `test_max` is not declared and
+is tried again next round. A declared surface recovers when the evidence for its answer, from then on, passes `odds`.
 
 Order: the axis whose |LP2(LP1(residual))| / threshold is largest comes first, its surfaces in the order of
 the aircraft file. Once a surface is declared its axis is explained: of that axis only the untested twins
@@ -34,21 +34,20 @@ The text of the paper gives the purpose of Figure 6 but not its timeouts, and it
 from __future__ import annotations
 
 from ..core import Array
-from ..parts.ops import inline, jit, pi, sin
-from .smac_health import excite, loss_std, remaining, silence
+from ..parts.ops import inline, jit, sin
+from .smac_health import excite, remaining, silence
 from .smac_types import (
     AIRSPEED,
     ALTITUDE,
-    AMPLITUDE,
     AXIS,
     DELTA,
     DRIFT,
     EFFORT,
+    EVIDENCE,
     EXCITED,
     FLAG,
     FOREIGN,
     HEARD,
-    HOLD,
     HOME_ALTITUDE,
     HOME_PSI,
     HOME_THETA,
@@ -56,6 +55,7 @@ from .smac_types import (
     LAMBDA,
     LEVEL,
     MODE,
+    PHASE,
     PHI,
     PSI,
     ROUND,
@@ -66,6 +66,7 @@ from .smac_types import (
     SWEEP_AGE,
     THETA,
     THRESHOLD,
+    Ints,
     Params,
     State,
 )
@@ -76,12 +77,13 @@ UNTESTED, SOUND, UNDECIDED = range(3)
 
 @inline
 def enter(s: State, mode: int) -> None:
-    """Change mode; whatever was excited goes quiet (the new mode starts its own)."""
+    """Change mode; what was excited goes quiet, but declared surfaces stay excited through TEST and TRACK."""
     s.clock[MODE] = mode
     s.clock[SINCE] = 0
     s.clock[FOREIGN] = 0
     for i in range(len(s.count)):
-        silence(s, i)
+        if mode not in (TEST, TRACK) or s.count[i, LABEL] == 0:
+            silence(s, i)
 
 
 @inline
@@ -201,51 +203,50 @@ def _watch(p: Params, s: State, z: Array) -> None:
 
 
 @inline
-def lambda_max(p: Params, i: int) -> float:
-    """(20): Lambda of a surface that does not answer, 2A/pi, rad."""
-    return 2.0 * float(p.probe.surface[i, AMPLITUDE]) / pi
-
-
-@jit
 def _decide(p: Params, s: State, i: int) -> None:
-    """Declared or sound, once the answer has been on one side for `confirm` samples."""
-    if s.count[i, EXCITED] < p.timing.test_min or s.count[i, HEARD] == 0:
-        return
-    margin = p.timing.margin * lambda_max(p, i) * loss_std(p.probe, s, i)
-    gap = s.surface[i, LAMBDA] - p.probe.surface[i, THRESHOLD]
-    if gap > margin:
-        s.count[i, HOLD] = max(s.count[i, HOLD], 0) + 1
-    elif gap < -margin:
-        s.count[i, HOLD] = min(s.count[i, HOLD], 0) - 1
-    else:
-        s.count[i, HOLD] = 0
-    if s.count[i, HOLD] >= p.timing.confirm:
-        s.count[i, LABEL] = 1
-        s.count[i, ROUND] = SOUND  # tested; the label says the rest
-        s.count[i, HOLD] = 0
-    elif s.count[i, HOLD] <= -p.timing.confirm:
+    """Declared or sound, once the evidence is strong enough."""
+    evidence = s.surface[i, EVIDENCE]
+    if evidence >= p.timing.odds:
+        s.count[i, LABEL], s.count[i, ROUND] = 1, SOUND  # tested; the label says the rest
+        s.surface[i, EVIDENCE] = 0.0
+    elif evidence <= -p.timing.odds:
         s.count[i, ROUND] = SOUND
+
+
+@inline
+def _apart(p: Params, slot: Ints, i: int) -> bool:
+    """Whether a declared surface may stay excited during a test: no surface of the slot shares axis and frequency."""
+    apart = True
+    for j in range(len(slot)):
+        same = p.probe.place[j, AXIS] == p.probe.place[i, AXIS]
+        if j != i and slot[j] > 0 and same and p.probe.surface[j, PHASE] == p.probe.surface[i, PHASE]:
+            apart = False
+    return apart
 
 
 @jit
 def _test(p: Params, s: State) -> None:
-    if s.clock[FLAG] == 0 and s.clock[SWEEP] == 0 and not labelled(s):
-        enter(s, WATCH)
-        return
     slot = p.probe.slots[s.clock[SLOT]]
     pending = 0
     for i in range(len(slot)):
-        if slot[i] > 0 and s.count[i, ROUND] == UNTESTED and s.count[i, LABEL] == 0:
+        if s.count[i, LABEL] > 0:
+            _follow(p, s, i)
+        elif slot[i] > 0 and s.count[i, ROUND] == UNTESTED:
             _decide(p, s, i)
             if s.clock[SINCE] >= p.timing.test_max and s.count[i, ROUND] == UNTESTED:
                 s.count[i, ROUND] = UNDECIDED
             pending += 1 if s.count[i, ROUND] == UNTESTED else 0
     if pending == 0:
-        _advance_round(p, s)
+        if s.clock[FLAG] == 0 and s.clock[SWEEP] == 0 and not labelled(s):
+            enter(s, REST)
+        else:
+            _advance_round(p, s)
         return
     for i in range(len(slot)):
-        if slot[i] > 0 and s.count[i, LABEL] == 0:
+        if slot[i] > 0 or (s.count[i, LABEL] > 0 and _apart(p, slot, i)):
             excite(p.probe, s, i)
+        elif s.count[i, LABEL] > 0:
+            silence(s, i)
 
 
 @jit
@@ -270,13 +271,12 @@ def _name_mode(p: Params, s: State, i: int) -> None:
 
 @jit
 def _follow(p: Params, s: State, i: int) -> None:
-    """A declared surface that answers again for `recover` samples has recovered."""
-    if s.count[i, HEARD] > 0 and s.count[i, EXCITED] >= p.timing.test_min:
-        s.count[i, HOLD] = s.count[i, HOLD] + 1 if s.surface[i, LAMBDA] < p.probe.surface[i, THRESHOLD] else 0
-        _name_mode(p, s, i)
-    if s.count[i, HOLD] >= p.timing.recover:
+    """A declared surface whose answer is back has recovered; else it is stuck or partly effective."""
+    if s.surface[i, EVIDENCE] >= p.timing.odds:
         s.count[i, LABEL] = 0
         silence(s, i)
+    elif s.count[i, HEARD] > 0 and s.count[i, EXCITED] >= p.timing.test_min:
+        _name_mode(p, s, i)
 
 
 @jit

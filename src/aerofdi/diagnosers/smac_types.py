@@ -35,7 +35,7 @@ class Detector(NamedTuple):
 
     rule: SUM (5) or AXES. a1, a2: shares 1 - exp(-2 pi f Ts) of LP1 and LP2. threshold: Gamma2_thresh, rad/s
     (AXES: 1). release: the flag falls below release x threshold. wind_floor: vane activity of their own
-    noise, rad2. a_fast, a_slow, a_wind: shares of the filters of the wind measure. a_estimate: of the stuck
+    noise, rad2; wind_cap: how far wind may raise a threshold. a_fast, a_slow, a_wind: shares of the filters of the wind measure. a_estimate: of the stuck
     angle's filter. axis (3,): p, q, r thresholds, rad/s: they choose the group, and with AXES they detect
     too. wind_gain (3,): growth of each with vane activity, sqrt(1 + wind_gain^2 (activity - floor)), 1/rad
     (0: fixed, as in the paper). sensitivity (3, nu): residual in rad/s that 1 rad of unexplained deflection
@@ -48,6 +48,7 @@ class Detector(NamedTuple):
     threshold: float
     release: float
     wind_floor: float
+    wind_cap: float
     a_fast: float
     a_slow: float
     a_wind: float
@@ -101,8 +102,8 @@ class Probe(NamedTuple):
 
 
 class Timing(NamedTuple):
-    """Timeouts of the isolator in samples, see the table in `smac_isolator`; margin: standard deviations of
-    caution.
+    """Timeouts of the isolator in samples, see the table in `smac_isolator`; odds: log-likelihood ratio that
+    decides a test.
     """
 
     settle: int
@@ -113,7 +114,7 @@ class Timing(NamedTuple):
     rest: int
     retest: int
     sweep_every: int
-    margin: float
+    odds: float
 
 
 class Budget(NamedTuple):
@@ -199,11 +200,12 @@ RESIDUAL, LOW, LEVEL, SLOW = range(4)
     R_SIN,
     C_POWER,  # mean square amplitude of command and residual at the test frequency without excitation
     R_POWER,
-) = range(18)
+    EVIDENCE,  # log-likelihood ratio of dead against sound (testing), of sound against dead (tracking)
+) = range(19)
 # Columns of State.count.
-HEARD, EXCITED, LABEL, ROUND, HOLD = range(5)
+HEARD, EXCITED, LABEL, ROUND = range(4)
 # Slots of State.clock.
-READY, GAP, INDEX, MODE, SINCE, SLOT, FLAG, EFFORT, SWEEP_AGE, SWEEP, FOREIGN, CALM = range(12)
+READY, GAP, INDEX, MODE, SINCE, SLOT, FLAG, EFFORT, SWEEP_AGE, SWEEP, FOREIGN, CALM, LISTENED = range(13)
 # Slots of State.misc.
 GAMMA2, WIND_AF, WIND_AS, WIND_BF, WIND_BS, WIND_POWER, HOME_THETA, HOME_ALTITUDE, HOME_PSI, DRIFT = range(10)
 SCALE = 10  # and 11, 12: how far wind raises the threshold of each axis
@@ -213,10 +215,10 @@ class State(NamedTuple):
     """Memory between steps, for nu surfaces and a window of N samples; the columns are named above.
 
     kalman (9,): x and the lower triangle of Sigma. axes (3, 4): residual; through LP1; through LP1 and LP2;
-    through the estimate's filter. surface (nu, 18). count (nu, 5): samples averaged into the answer;
+    through the estimate's filter. surface (nu, 19). count (nu, 4): samples averaged into the answer;
     samples excited; label (0 sound, 1 stuck, 2 partly effective); verdict of this round (0 untested, 1
-    sound, 2 undecided); samples the answer has been on one side (negative: sound). ring (2 nu + 3, N):
-    commands without mean, excitations, residuals. misc (13,). clock (12,).
+    sound, 2 undecided). ring (2 nu + 3, N):
+    commands without mean, excitations, residuals. misc (13,). clock (13,).
     """
 
     kalman: Array
@@ -233,6 +235,6 @@ def init(params: Params) -> State:
     n, window = len(params.probe.surface), params.probe.window
     kalman = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
     return State(
-        kalman, np.zeros((3, 4)), np.zeros((n, 18)), np.zeros((n, 5), dtype=np.int64), np.zeros((2 * n + 3, window)),
-        np.zeros(13), np.zeros(12, dtype=np.int64),
+        kalman, np.zeros((3, 4)), np.zeros((n, 19)), np.zeros((n, 4), dtype=np.int64), np.zeros((2 * n + 3, window)),
+        np.zeros(13), np.zeros(13, dtype=np.int64),
     )  # fmt: skip
