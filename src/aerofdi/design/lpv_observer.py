@@ -59,7 +59,7 @@ import numpy as np
 from ..aircraft import Aircraft
 from ..aircraft import hash as aircraft_hash
 from ..core import Array, CannotJudge, Design, WrongUse
-from .certificates import certificate, check_lmis, refine
+from .certificates import LIMIT, certificate, check_lmis, refine
 from .estimator import Estimation, Filter, Options, Solution
 from .lmi import SOLVED, Progress
 from .lpv_observer_models import AXES, Axis, axes_of, linear_models, mixing, weights_table
@@ -67,7 +67,8 @@ from .lpv_observer_plants import Weights
 from .synthesis import reconstruct, solve
 
 KINDS = ("nominal_lti", "robust_lti", "nominal_lpv", "robust_lpv", "stuck_lpv")
-FILTER_NODES = 33
+# Nodes a filter is stored on, more where its matrices bend too much for linear interpolation.
+FILTER_NODES = (33, 65, 129)
 W_SCALES = (0.005, 0.02, 0.1, 0.5, 2.0)
 DENSE = 161
 MODEL_NODES = 41
@@ -80,7 +81,7 @@ class Spec(NamedTuple):
     airspeeds: lowest and highest, m/s. nominal: airspeed of the time-invariant filters. nodes: synthesis
     nodes (LPV). rate_bound: m/s^2. weights: axis -> Weights. psi_poles: axis -> poles of the multiplier,
     rad/s. backoff, degree: see `estimator.Options`. w_scale: axis -> scale of (w, v) tried first.
-    rounds: times nodes may be added.
+    rounds: times nodes may be added. time_limit_s: of an axis.
     """
 
     kind: str = "stuck_lpv"
@@ -92,52 +93,97 @@ class Spec(NamedTuple):
     psi_poles: tuple[tuple[float, ...], tuple[float, ...]] = ((0.031,), (0.031,))
     backoff: float = 1.05
     degree: int = 2
-    w_scale: tuple[float, float] = (0.02, 0.5)
-    time_limit_s: float = 240.0
+    w_scale: tuple[float, float] = (0.005, 0.5)
+    time_limit_s: float = 900.0
     rounds: int = 2
-
-
-def _attempts(spec: Spec, robust: bool, rate: float, scale: float) -> list[Options]:
-    """Scalings worth trying in turn: the one asked for in two coordinate systems, then its neighbours."""
-    base = Options(rate, spec.degree, spec.backoff, w_scale=scale, time_limit_s=spec.time_limit_s)
-    if not robust:
-        return [base, base._replace(normal=0.25), base._replace(normal=0.0)]
-    near = sorted(W_SCALES, key=lambda w: abs(math.log(w / scale)))
-    others = [base._replace(w_scale=w, normal=n) for n in (0.5, 0.25) for w in near if w != scale][:4]
-    return [base, base._replace(normal=0.25), *others]
-
-
-def _first_solved(
-    problem: Estimation, V: Array, tries: list[Options], say: Progress
-) -> tuple[Solution, Options]:
-    """The first attempt with both stages solved; else the first that ended at all (its status tells)."""
-    kept: tuple[Solution, Options] | None = None
-    error: CannotJudge | None = None
-    for o in tries:
-        try:
-            s = solve(problem, V, o, say)
-        except CannotJudge as e:
-            if "'infeasible'" in str(e):
-                raise
-            error = error or e
-            continue
-        if (s.stage1.status, s.stage2.status) == (SOLVED, SOLVED):
-            return s, o
-        kept = kept or (s, o)
-    if kept is None:
-        raise error or CannotJudge("no attempt")
-    return kept
 
 
 class Made(NamedTuple):
     """One axis done: what was asked, the solution, the filter and the proof."""
 
-    axis: Axis
     problem: Estimation
     options: Options
     solution: Solution
     filter: Filter
     certificate: dict[str, Any]
+
+    @property
+    def flaws(self) -> tuple[bool, bool, bool, float]:
+        """What is wrong with it, worst first: unstable, not proved on its nodes, not fully solved, excess between
+        nodes.
+        """
+        c = self.certificate
+        between = max(c["largest_scaled_eigenvalue_between"], c["largest_scaled_eigenvalue_loop"])
+        return not c["stable"], not c["proved"], c["status"] != SOLVED, between if between > LIMIT else 0.0
+
+
+class _Search(NamedTuple):
+    """What stays the same while one axis is tried: nodes of a filter lie in `span`, checks on `dense`."""
+
+    problem: Estimation
+    span: tuple[float, float]
+    dense: Array
+    deadline: float
+    say: Progress
+
+
+def _attempts(spec: Spec, robust: bool, rate: float, scale: float) -> list[Options]:
+    """Scalings worth trying in turn: the one asked for in two coordinate systems, a larger backoff, then its
+    neighbours.
+    """
+    base = Options(rate, spec.degree, spec.backoff, w_scale=scale)
+    if not robust:
+        return [
+            base,
+            base._replace(normal=0.25),
+            base._replace(normal=0.0),
+            base._replace(backoff=1.05 * spec.backoff),
+        ]
+    near = sorted(W_SCALES, key=lambda w: abs(math.log(w / scale)))
+    others = [base._replace(w_scale=w, normal=n) for n in (0.5, 0.25) for w in near if w != scale][:4]
+    return [base, base._replace(normal=0.25), base._replace(backoff=1.05 * spec.backoff), *others]
+
+
+def _attempt(search: _Search, V: Array, o: Options) -> Made:
+    """One synthesis with its filter on as few stored nodes as its interpolation needs."""
+    left = max(5.0, search.deadline - time.perf_counter())
+    sol = solve(search.problem, V, o._replace(time_limit_s=min(o.time_limit_s, left)), search.say)
+    for count in FILTER_NODES:
+        f = reconstruct(search.problem, sol, V if len(V) == 1 else np.linspace(*search.span, count))
+        proof = certificate(search.problem, sol, o, f, len(search.dense))
+        if len(V) == 1 or proof["largest_scaled_eigenvalue_loop"] <= LIMIT:
+            break
+    scales = {
+        "w_scale": o.w_scale,
+        "normal": o.normal,
+        "time_scale": o.time_scale,
+        "estimand_scale": o.estimand_scale,
+    }
+    return Made(search.problem, o, sol, f, proof | scales | {"backoff": o.backoff})
+
+
+def _best_attempt(search: _Search, V: Array, tries: list[Options]) -> Made:
+    """The first attempt that is solved, proved on its nodes and stable; else the least flawed one before the
+    deadline.
+    """
+    kept: Made | None = None
+    error: CannotJudge | None = None
+    for o in tries:
+        if kept is not None and time.perf_counter() > search.deadline:
+            break
+        try:
+            made = _attempt(search, V, o)
+        except CannotJudge as e:
+            if "'infeasible'" in str(e) or time.perf_counter() > search.deadline:
+                raise
+            error = error or e
+            continue
+        if not any(made.flaws[:3]):
+            return made
+        kept = made if kept is None or made.flaws < kept.flaws else kept
+    if kept is None:
+        raise error or CannotJudge("no attempt was made")
+    return kept
 
 
 def design_axis(
@@ -148,35 +194,38 @@ def design_axis(
     rate: float,
     progress: Progress | None = None,
 ) -> Made:
-    """One filter: synthesis, nodes added where the inequalities fail between them, reconstruction,
-    certificate.
+    """One filter: synthesis, nodes added where the inequalities fail between them, reconstruction, certificate.
+
+    Raises CannotJudge where no attempt gives a stable filter that is proved on its nodes within spec.time_limit_s.
     """
     start = time.perf_counter()
-    say = progress or (lambda text, share: None)
     robust, lti = not spec.kind.startswith("nominal"), spec.kind.endswith("lti")
     k = AXES.index(axis.name)
-    problem = axis.problem(robust, spec.psi_poles[k])
+
+    def say(text: str, share: float) -> None:
+        if progress:
+            progress(f"{axis.name} {spec.kind}: {text}", share)
+
     V = np.array([nominal]) if lti else np.linspace(*span, spec.nodes)
-    tries = _attempts(spec, robust, 0.0 if lti else rate, spec.w_scale[k])
     dense = V if lti else np.linspace(*span, DENSE)
-    for turn in range(spec.rounds + 1):
-        s, o = _first_solved(
-            problem, V, tries, lambda text, share: say(f"{axis.name} {spec.kind}: {text}", share)
-        )
-        grown = V if lti else refine(V, check_lmis(problem, s, o, dense).worst, dense)
-        if turn == spec.rounds or len(grown) == len(V):
+    search = _Search(axis.problem(robust, spec.psi_poles[k]), span, dense, start + spec.time_limit_s, say)
+    tries = _attempts(spec, robust, 0.0 if lti else rate, spec.w_scale[k])
+    best = made = _best_attempt(search, V, tries)
+    for _ in range(0 if lti else spec.rounds):
+        grown = refine(V, check_lmis(made.problem, made.solution, made.options, dense).worst, dense)
+        if not any(best.flaws) or len(grown) == len(V) or time.perf_counter() > search.deadline:
             break
-        V, tries = grown, [o, *(x for x in tries if x != o)]
-    f = reconstruct(problem, s, V if lti else np.linspace(*span, FILTER_NODES))
-    proof = certificate(problem, s, o, f, len(dense))
-    proof |= {
-        "w_scale": o.w_scale,
-        "normal": o.normal,
-        "time_scale": o.time_scale,
-        "estimand_scale": o.estimand_scale,
-    }
-    proof["seconds"] = round(time.perf_counter() - start, 2)
-    return Made(axis, problem, o, s, f, proof)
+        V, tries = grown, [made.options, *(o for o in tries if o != made.options)]
+        made = _best_attempt(search, V, tries)
+        best = min(best, made, key=lambda m: m.flaws)
+    if any(best.flaws[:2]):
+        what = "unstable" if best.flaws[0] else "not proved even on its nodes"
+        raise CannotJudge(
+            f"every {axis.name} {spec.kind} filter tried over {span[0]:g} to {span[1]:g} m/s was {what}; narrow "
+            f"the airspeed range, lower the rate bound or the uncertainty, or raise backoff or time_limit_s"
+        )
+    best.certificate["seconds"] = round(time.perf_counter() - start, 2)
+    return best
 
 
 def design_lpv_observer(

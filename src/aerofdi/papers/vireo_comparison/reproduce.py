@@ -8,9 +8,9 @@ from typing import Any
 
 from ..claims import Findings, Ours
 
-ITEMS = ("table4", "states", "requirements", "monte_carlo", "figures")
+ITEMS = ("table4", "states", "requirements", "filters", "monte_carlo", "figures", "filter_figures")
 MODULES = {"requirements": "limits"}
-ONLY_WHEN_ASKED = ("figures",)
+ONLY_WHEN_ASKED = ("figures", "filter_figures")
 
 
 def run(item: str | None, quick: bool, progress: Callable[[str, float], None]) -> Findings:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ...aircraft import load_aircraft
 from ...core import Array, CannotJudge
+from ...design.certificates import LIMIT
 from ...design.io import load_design
 from ...design.lpv import basis_for
 from ...design.lpv_observer_check import analysis_loop, saved_filter
@@ -71,18 +72,27 @@ def solve_bound(kind: str, norm: float, time_limit_s: float = 1200.0) -> UpperBo
 
 
 def make(path: Path = FOLDER / "worst_case.npz", progress: Progress | None = None) -> None:
-    """Solve every bound and save what proves it, after each one."""
+    """Solve every bound that is not there or no longer holds for the saved filter, and save what proves it, one by
+    one.
+    """
     arrays: dict[str, Array] = {}
+    if path.exists():
+        with path.open("rb") as old, np.load(old, allow_pickle=False) as z:
+            arrays = {k: z[k] for k in z.files}
+    held = {k for k, b in bounds().items() if b.nodes <= LIMIT and b.status == "solved"}
     jobs = [("stuck_lpv", 1.0), *((k, n) for n in reversed(NORMS) for k in reversed(KINDS))]
+    say = progress or (lambda text, share: None)
     for i, (kind, norm) in enumerate(jobs):
-        say = progress or (lambda text, share: None)
+        if (kind, norm) in held:
+            continue
+        key = f"{kind}.{norm}"
+        arrays = {k: v for k, v in arrays.items() if not k.startswith(f"{key}.")}
         try:
             u = solve_bound(kind, norm)
         except CannotJudge as error:
             say(f"{kind}, ||Delta|| <= {norm}: {error}", i / len(jobs))
             continue
         say(f"{kind}, ||Delta|| <= {norm}: {u.gain:.4f} ({u.status}, {u.seconds:.0f} s)", (i + 1) / len(jobs))
-        key = f"{kind}.{norm}"
         arrays |= {
             f"{key}.P": u.P,
             f"{key}.T": u.T,
@@ -99,7 +109,9 @@ def bounds() -> dict[tuple[str, float], Bound]:
     """(kind, norm) -> the stored upper bound with its inequalities evaluated again; missing where the solver
     found none.
     """
-    out = {}
+    out: dict[tuple[str, float], Bound] = {}
+    if not (FOLDER / "worst_case.npz").exists():
+        return out
     with np.load(FOLDER / "worst_case.npz", allow_pickle=False) as z:
         for kind in (*KINDS, "stuck_lpv"):
             f = saved_filter(load_design(FOLDER / f"{kind}.toml"), "lat")
