@@ -175,8 +175,8 @@ def _section(d: FlightDiagnosis, i: int) -> str:
 
 
 def _aircraft(d: FlightDiagnosis) -> str:
-    name = d.flight.meta.get("aircraft")
-    return f" &middot; {escape(str(name))}" if name else ""
+    said = [d.flight.meta.get("aircraft"), "simulated flight" if d.flight.meta.get("simulated") else ""]
+    return "".join(f" &middot; {escape(str(text))}" for text in said if text)
 
 
 def _reasons(d: FlightDiagnosis) -> list[tuple[str, str, list[str]]]:

@@ -113,8 +113,8 @@ def _about(d: FlightDiagnosis) -> list[tuple[str, str]]:
 
 
 def _aircraft(flight: Flight) -> str:
-    name = flight.meta.get("aircraft")
-    return f", {name}" if name else ""
+    said = [flight.meta.get("aircraft"), "simulated" if flight.meta.get("simulated") else ""]
+    return "".join(f", {text}" for text in said if text)
 
 
 def notes(notes: Iterable[str]) -> list[RenderableType]:

@@ -180,6 +180,10 @@ def headline(d: FlightDiagnosis) -> Headline:
 
 def reason(r: Result, d: FlightDiagnosis) -> str:
     """What a result says in one sentence, in readable units, without the name of the flight before it."""
+    if r.verdict == "healthy" and r.run is not None:
+        seconds = r.run.diagnoser.dt_s * float(np.sum(r.run.verdict.status == Status.OK))
+        smallest = "; ".join(text for _, text, _ in detectable(r, d)) or "not known"
+        return f"no alarm in {seconds:.0f} s judged; would have been seen: {smallest}"
     if r.verdict != "fault":
         text = r.reason
         for name in (d.file, d.flight.name):
@@ -248,7 +252,7 @@ def _fault(d: FlightDiagnosis) -> Headline:
 
 def unseen(d: FlightDiagnosis) -> str:
     """The smallest faults that would have been seen, as one sentence; empty where none is known."""
-    said = [text for r in d.results if r.verdict != "cannot_judge" for _, text, _ in detectable(r, d)]
+    said = [text for r in ordered(d) if r.verdict != "cannot_judge" for _, text, _ in detectable(r, d)]
     return "Would have been seen: " + "; ".join(said) + "." if said else ""
 
 
@@ -314,17 +318,18 @@ def _score_evidence(run: Run, first: int) -> list[str]:
     if not score.size:
         return []
     names = [hypothesis_text(h) for h in run.diagnoser.hypotheses[1:]]
-    level = alarm_level(run) or math.nan
+    level = alarm_level(run)
+    limit = "" if level is None else f" {level:.1f}"
     if first >= len(score):
         best = int(score.max(axis=0).argmax())
         return [
             f"The highest score was {score.max():.1f} ({names[best]}, at {run.t_s[score[:, best].argmax()]:.1f} s); "
-            f"the alarm is at {level:.1f} (log likelihood against the healthy aircraft)."
+            f"the alarm level is{limit or ' not known'} (log likelihood against the healthy aircraft)."
         ]
     order = np.argsort(-score[first])
     others = ", ".join(f"{names[i]} {score[first, i]:.1f}" for i in order[1:4])
     out = [
-        f"At {run.t_s[first]:.1f} s the score of '{names[order[0]]}' passed the alarm level {level:.1f} "
+        f"At {run.t_s[first]:.1f} s the score of '{names[order[0]]}' passed the alarm level{limit} "
         f"(log likelihood against the healthy aircraft)" + (f"; then stood: {others}." if others else ".")
     ]
     held = run.verdict.active[:, 1:].sum(axis=0) * run.diagnoser.dt_s

@@ -221,6 +221,7 @@ def _meta(r: Run, flown: int) -> dict[str, Any]:
         "diverged": flown < r.prepared.steps,
         "faults": fault_list(r.prepared),
         "trim": {n: float(v) for n, v in zip(r.prepared.servos, r.params.trim, strict=True)},
+        "autopilot_modes": list(MODE_CODES.values()),
         "groups": groups,
         "ideal_sensors": list(r.prepared.ideal),
         "clock": "seconds since the start of the simulation",
