@@ -217,7 +217,7 @@ def _gain_claims() -> dict[str, Ours]:
         "it depends on backoff, airspeed grid, solver and the reading of '-delta -> e', none of them stated"
     )
     close = (
-        "filters of equal gamma differ here: with another scaling of the synthesis (w_scale 0.02) the robust LTI filter "
+        "filters of equal gamma differ here: with another scaling of the synthesis (w_scale 0.02) the robust LTI one "
         "has a frozen gain of 1.22 and the robust LPV filter an upper bound of 1.39"
     )
     out = {f"fig13_upper_{k}": Ours(upper[k, 1.0], (top[k], upper[k, 1.0]), reason) for k in KINDS}
