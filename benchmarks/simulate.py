@@ -95,8 +95,8 @@ def step() -> dict[str, Any]:
         "ours": a,
         "unit": "us a step",
         "peers": {"JSBSim script c1723 (c172x)": {"value": b, "ratio": b / a}},
-        "conditions": f"processor time, median of {ROUNDS} interleaved rounds, one thread; Aerosonde at 100 Hz with Dryden "
-        f"turbulence, sensors, servos and autopilot; JSBSim at 120 Hz through its Python wheel",
+        "conditions": f"processor time, median of {ROUNDS} interleaved rounds, one thread; Aerosonde at 100 Hz "
+        f"with Dryden turbulence, sensors, servos and autopilot; JSBSim at 120 Hz through its Python wheel",
     }
 
 
