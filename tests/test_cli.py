@@ -97,6 +97,11 @@ def test_the_commands_of_the_architecture(capsys: pytest.CaptureFixture[str]) ->
         (["design", "lpv_observer", "--aircraft", "vireo", "--set", "wings=3"], "wings"),
         (["paper", "nowhere"], "nowhere"),
         (["identify", "nowhere.csv", "-o", "a.toml"], "nowhere.csv"),
+        (["identify", "x.csv", "-o", "nowhere/a.toml"], "nowhere/a.toml"),
+        (["fly", "demo", "-o", "nowhere/f.parquet"], "nowhere/f.parquet"),
+        (["diagnose", "x.csv", "--report", "nowhere/r.html"], "nowhere/r.html"),
+        (["design", "smac", "--aircraft", "vireo", "-o", "."], "'-o'"),
+        (["demo", "--report", "nowhere/r.html"], "nowhere/r.html"),
     ],
 )
 def test_wrong_use_is_one_line_and_code_2(

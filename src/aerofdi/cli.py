@@ -15,6 +15,17 @@ from . import __version__
 
 INTERRUPTED = 130
 T = TypeVar("T")
+
+
+def _place(path: Path | None) -> Path | None:
+    """Refuse a file that cannot be written before any work is done."""
+    if path is not None and (path.is_dir() or not os.access(path.parent, os.W_OK)):
+        raise typer.BadParameter(
+            f"{path} cannot be written; give a file in a folder that exists and is yours"
+        )
+    return path
+
+
 app = typer.Typer(
     name="aerofdi",
     help="Find, isolate and measure faults of small unmanned aircraft from the signals they already have.",
@@ -170,7 +181,8 @@ def common(
 def fly(
     scenario: Annotated[str, typer.Argument(help="Name of a scenario, or a TOML file.")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Flight file to write [SCENARIO.parquet].")
+        Path | None,
+        typer.Option("-o", "--output", callback=_place, help="Flight file to write [SCENARIO.parquet]."),
     ] = None,
     seed: Annotated[
         int | None, typer.Option(help="Seed of all randomness, instead of the scenario's.")
@@ -217,7 +229,9 @@ def diagnose(
     report: Annotated[
         Path | None,
         typer.Option(
-            metavar="R.html", help="Write a page of all that was found; the model is kept beside it."
+            metavar="R.html",
+            callback=_place,
+            help="Write a page of all that was found; the model is kept beside it.",
         ),
     ] = None,
     json: Json = False,
@@ -253,9 +267,9 @@ def written(found: Sequence[Any], report: Path) -> list[str]:
 @app.command()
 def identify(
     flights: Flights,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Aircraft file to write.")] = Path(
-        "aircraft.toml"
-    ),
+    output: Annotated[
+        Path, typer.Option("-o", "--output", callback=_place, help="Aircraft file to write.")
+    ] = Path("aircraft.toml"),
     healthy: Healthy = None,
     profile: ProfileName = None,
     json: Json = False,
@@ -279,7 +293,8 @@ def design(
     method: Annotated[str, typer.Argument(help="lpv_observer or smac.")],
     aircraft: Annotated[str, typer.Option(metavar="A", help="Name of an aircraft, or its file.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Design file to write, its numbers beside it.")
+        Path,
+        typer.Option("-o", "--output", callback=_place, help="Design file to write, its numbers beside it."),
     ] = Path("design.toml"),
     setting: Annotated[
         list[str] | None,
@@ -344,9 +359,9 @@ def info(
 
 @app.command()
 def demo(
-    report: Annotated[Path, typer.Option(metavar="R.html", help="The page to write.")] = Path(
-        "aerofdi-demo.html"
-    ),
+    report: Annotated[
+        Path, typer.Option(metavar="R.html", callback=_place, help="The page to write.")
+    ] = Path("aerofdi-demo.html"),
 ) -> None:
     """Fly a small flying wing whose right elevon sticks, and diagnose it."""
     from .pipeline import diagnose as diagnosing

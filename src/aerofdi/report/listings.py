@@ -155,8 +155,9 @@ def claims(told: Mapping[str, Any]) -> RenderableType:
     counts = {s: sum(c["status"] == s for c in told["claims"]) for s in STATUS_STYLES}
     line = ", ".join(f"{n} {s.replace('_', ' ')}" for s, n in counts.items() if n)
     quick = ", quick run" if told["quick"] else ""
+    more = [f"tables, in --json: {', '.join(told['tables'])}"] if told["tables"] else []
     return Group(Text.assemble((told["paper"], "bold"), f"  {line} in {told['seconds']:.1f} s{quick}"), Text(), table,
-                 *notes(f"{c['id']}: {c['reason']}" for c in told["claims"] if c["reason"]))  # fmt: skip
+                 *notes([*(f"{c['id']}: {c['reason']}" for c in told["claims"] if c["reason"]), *more]))  # fmt: skip
 
 
 def _number(x: float | None) -> str:

@@ -48,8 +48,13 @@ def spoken(name: str, aliases: Mapping[str, str] | None = None) -> str:
 
 
 def capital(text: str) -> str:
-    """The text with its first letter large, the rest as it is."""
-    return text[:1].upper() + text[1:]
+    """The text with its first letter large, the rest as it is; names of channels and options stay untouched.
+
+    >>> capital("roll"), capital("command.rudder moved")
+    ('Roll', 'command.rudder moved')
+    """
+    first = text.partition(" ")[0].rstrip(",.:;")
+    return text if any(c in first for c in "._-/") else text[:1].upper() + text[1:]
 
 
 def spans_text(spans: Iterable[Span]) -> str:
@@ -274,7 +279,10 @@ def detectable(r: Result, d: FlightDiagnosis) -> list[tuple[str, str, float]]:
         unit = g.unit if g else "1"
         size = f"{math.degrees(value):.1f} deg" if unit == "rad" else f"{100 * value:.0f} % of full command"
         reach = 0.5 * (g.upper - g.lower) if g and g.upper > g.lower else 1.0
-        out.append((who, f"{who}: lasting offset of {size} or more", value / reach))
+        text = (
+            f"lasting offset of {size} or more" if value <= 2 * reach else "no lasting offset it could reach"
+        )
+        out.append((who, f"{who}: {text}", value / (2 * reach)))
     return out
 
 
