@@ -4,17 +4,16 @@ The plant (on nodes of the airspeed V, |Vdot| <= rate bound) maps (w, d) to (v, 
 any causal ||Delta|| <= 1 that satisfies the integral quadratic constraint of the multiplier below. Wanted: a
 filter y -> deltahat such that
 
-    ||W (deltahat - delta)|| <= gamma ||d||     along every airspeed trajectory within the nodes and the rate
-    bound.
+    ||W (deltahat - delta)|| <= gamma ||d||     along every airspeed trajectory within nodes and rate bound.
 
 W is square, stable with a stable inverse: the filter estimates u = W deltahat and W^-1 is put behind it.
 With psi = filtered [v; w], z = C1 x + D1 (w, d), eps = W delta = C2 x + D2 (w, d), y = C3 x + D3 (w, d), a
 diagonal multiplier M, X(V) and Z(V) symmetric and polynomial in V, N = null([C3 D3]), at every node and both
 rates Vdot:
 
-    (X)  N' { He([I 0]' X [A B]) + [Xdot 0; 0 0] + [C2 D2]'[C2 D2] + [C1 D1]' M [C1 D1] - gamma^2 diag(0, 0,
-    I) } N < 0 (Z)       He([I 0]' Z [A B]) + [Zdot 0; 0 0]                   + [C1 D1]' M [C1 D1] - gamma^2
-    diag(0, 0, I)     < 0 (Q)  X - Z > 0
+    (X)  N' { He([I 0]' X [A B]) + [Xdot 0; 0 0] + [C2 D2]'[C2 D2] + [C1 D1]' M [C1 D1] - g2 E } N < 0
+    (Z)       He([I 0]' Z [A B]) + [Zdot 0; 0 0]                   + [C1 D1]' M [C1 D1] - g2 E     < 0
+    (Q)  X - Z > 0
 
 Everything is affine in (X, Z, M, gamma^2). Derivation: with the storage S = x' Z x + (x - xF)' (X - Z) (x -
 xF) the worst case over (x, w, d) compatible with y of Sdot + z' M z + |eps - u|^2 - gamma^2 |d|^2 is concave
@@ -27,7 +26,7 @@ is every m0 + m2 a^2/(w^2 + a^2) >= 0. Z may be indefinite: S along the loop of 
 positive-negative multipliers (Pfifer and Seiler 2016). Not modelled: several uncertainty blocks, non-square
 W.
 
-Symbols: g2 = gamma^2, ne = inputs, E = diag(0 for w, 1 for d). Sources: paper "vireo_comparison" section
+Symbols: g2 = gamma^2, E = diag(0 for x and w, I for d). Sources: paper "vireo_comparison" section
 3.2.1 states the problem (Venkataraman and Seiler 2018, Theorem 2, not read); the conditions are derived as
 above.
 """

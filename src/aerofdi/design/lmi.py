@@ -1,7 +1,7 @@
 """Linear matrix inequalities, assembled directly for Clarabel and always re-evaluated afterwards.
 
-    minimise c'theta  subject to  F_b(theta) = F_b0 + sum_k theta_k F_bk <= -margin_b I for every block b,
-    theta_k >= 0 for k in a list
+    minimise c'theta  subject to  F_b(theta) = F_b0 + sum_k theta_k F_bk <= -margin_b I  for every block b
+                                  theta_k >= 0                                           for k in a list
 
 Symmetric matrix unknowns are held by their upper triangle, column by column.
 """

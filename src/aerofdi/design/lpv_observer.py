@@ -10,8 +10,8 @@ What a Design with method "lpv_observer" holds (all numbers SI and radians; arra
 
     lat.V       (N,)        airspeed nodes of the filter, m/s, increasing
     lat.A       (N, n, n)   filter  xF' = (A + Vdot * A_rate) xF + B y ,   deltahat = C xF + D y
-    lat.A_rate  (N, n, n)   slope of A in Vdot, 1/(m/s^2) * 1/s; zero for LTI and nominal filters; B, C, D
-    have none lat.B       (N, n, ny)
+    lat.A_rate  (N, n, n)   slope of A in Vdot, 1/s per m/s^2; zero for LTI and nominal filters (B, C, D have none)
+    lat.B       (N, n, ny)
     lat.C       (N, 1, n)
     lat.D       (N, 1, ny)
     lon.*       the same; its own N and n
@@ -23,9 +23,9 @@ aileron 0). The true elevator is `trim.elevator` at the current V plus the estim
 delta_l = delta_e - delta_a, delta_r = delta_e + delta_a (`spec["mixing"]` = [[1, -1], [1, 1]] acting on
 [delta_e; delta_a]).
 
-    lat.X, lat.Z    (3, m, m)  storage matrices of the proof, coefficients of 1, s, s^2, s = (V - centre) /
-    half width lat.multiplier  (k,)    coefficients of the multiplier; lat.T (m, m), lat.nodes (j,) m/s: see
-    `estimator.Solution`, `recheck` trim.V          (N,)    m/s
+    lat.X, lat.Z    (3, m, m)  storage of the proof: coefficients of 1, s, s^2, s = (V - centre)/half width
+    lat.multiplier  (k,)       of the proof; lat.T (m, m), lat.nodes (j,) in m/s: see `lpv_observer_check.recheck`
+    trim.V          (N,)    m/s
     trim.elevator   (N,)    rad, elevator in level trimmed flight at that airspeed
     trim.alpha      (N,)    rad
     rate_bound      ()      m/s^2, |Vdot| <= this (8 for the Vireo); clip Vdot to it
@@ -33,19 +33,17 @@ delta_l = delta_e - delta_a, delta_r = delta_e + delta_a (`spec["mixing"]` = [[1
 
 The state is in one coordinate system over all nodes, so matrices are interpolated linearly in V between nodes
 (the certificate is computed for exactly this interpolation). A filter of one node (N = 1) is LTI: use it at
-every airspeed. Poles reach about -500 rad/s: discretise exactly (matrix exponential), never by Euler.
+every airspeed. Poles reach about -1000 rad/s: discretise exactly (matrix exponential), never by Euler.
 
-What the paper overlooks: its synthesis has no input that opens the loop, and a stuck surface does. With fault
-= Wf > 0 the true deflection gets an exogenous input (df of `lpv_observer_plants`), which the filter must
-estimate as well.
+What the paper overlooks: its synthesis has no input that opens the loop, and a stuck surface does. The kind
+"stuck_lpv" gives the true deflection an exogenous input (df of `lpv_observer_plants`, weight Wf), which the
+filter must estimate as well.
 
-`spec` (plain numbers and strings): kind ("nominal_lti", "robust_lti", "nominal_lpv", "robust_lpv"), aircraft
-name, nominal airspeed, actuator (wn, zeta, delay), controller gains, weights with numerators and
-denominators, psi_pole, backoff, basis degree, fault_weight. `certificate` (plain numbers and strings, per
-axis): gamma, gamma_optimal, solver, status of both stages, largest scaled LMI eigenvalue on the nodes and
-between them, `on_grid_only`, filter poles, wall-clock seconds. `design.io.save_design(design, "x.toml")`
-writes x.toml (spec, certificate, names and shapes) and x.npz (arrays) beside it; `load_design("x.toml")`
-reads them back.
+`spec` (plain numbers and strings): kind (one of KINDS), aircraft, surfaces, mixing, airspeeds, nominal_airspeed,
+rate_bound, nodes, backoff, degree, psi_poles, controller, weights (numerators and denominators per axis).
+`certificate`, per axis: gamma (proved) and gamma_optimal, status of both stages in the solver's words, largest scaled
+eigenvalues on and between the nodes and of the loop as run, `proved`, `on_grid_only`, poles, seconds.
+`design.io.save_design(design, "x.toml")` writes x.toml and, beside it, x.npz with the arrays; `load_design` reads them.
 """
 
 from __future__ import annotations

@@ -91,7 +91,7 @@ def sensitivity_weight(dc_db: float, high_db: float, bandwidth: float) -> Ratio:
 
     >>> W = sensitivity_weight(-35.0, 1.0, 4.0)
     >>> [round(x, 3) for x in (*W.num, *W.den)]
-    [1.0, 4.004, 1.122, 0.071]
+    [1.0, 4.001, 1.122, 0.071]
     """
     d, h = 10.0 ** (dc_db / 20.0), 10.0 ** (high_db / 20.0)
     # h^2 W^2 + d^2 w0^2 = (h^2/2)(W^2 + w0^2)

@@ -4,8 +4,8 @@ Lateral (Figures 6 and 7 of the paper), inputs w, du, dy1, dy2, dr and, where as
 phi_cmd, phi_n, p_n:
 
     u_g = delta + w -> G -> phi, p                    v = W_Delta delta,  w = Delta v,  |Delta| <= 1
-    phi_cmd = Wr dr,  phi_n = phi + Wy1 dy1,  p_n = p + Wy2 dy2          the controller sees what the filter
-    sees xi' = phi_cmd - phi_n - leak xi
+    phi_cmd = Wr dr,  phi_n = phi + Wy1 dy1,  p_n = p + Wy2 dy2      the controller sees what the filter sees
+    xi' = phi_cmd - phi_n - leak xi
     delta_c = k_i xi + k_p (phi_cmd - phi_n) + k_d p_n,   delta = G_a (delta_c + Wu du) + Wf df
 
 Longitudinal (Figure 10), inputs w, du, dy and, where asked for, df; outputs v, delta, q_n:

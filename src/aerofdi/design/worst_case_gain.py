@@ -8,12 +8,11 @@ Upper bound over every airspeed trajectory within the nodes and |Vdot| <= rate b
 which symmetric P(V) = sum_k f_k(V) P_k (any sign) and multiplier coefficients m_i >= 0 exist with, at every
 node and both rates,
 
-    He([I 0]' P [A B]) + [Pdot 0; 0 0] + sum_i m_i (z_vi' z_vi - z_wi' z_wi) + e' e - gamma^2 diag(0, 0, I) <
-    0
+    He([I 0]' P [A B]) + [Pdot 0; 0 0] + sum_i m_i (z_vi' z_vi - z_wi' z_wi) + e' e - gamma^2 diag(0, 0, I) < 0
 
 z_i = the signals through 1, a_i/(s + a_i) or s/(s + a_i). P may be indefinite because the multipliers are
 positive-negative and the frozen system is stable without Delta (Pfifer and Seiler 2016, Theorem 2). Proved at
-the nodes; `largest_scaled_eigenvalue` tells how much is lacking between them.
+the nodes; `check_upper_bound` tells how much is lacking between them.
 
 Frozen gain, exact for one d and one e: at each frequency M(jw) = [a b; c g], a from w to v; with |a| < 1 the
 set of g + c b delta/(1 - a delta), |delta| <= 1, is a disc of centre g + c b conj(a)/(1 - |a|^2) and radius
