@@ -63,7 +63,13 @@ def exciter(
     """The test signal for these surfaces; arrays (nu,), rad, rad/s, s, s."""
     rad = ("rad",) * len(surfaces)
     names = tuple(f"command.{s}" for s in surfaces)
-    params = ExciterParams(*(np.array(a, float) for a in (amplitude, omega, start, stop)), float(dt_s))
+    params = ExciterParams(
+        np.array(amplitude, float),
+        np.array(omega, float),
+        np.array(start, float),
+        np.array(stop, float),
+        float(dt_s),
+    )
     return Diagnoser(
         "exciter", Channels(names, rad, (np.inf,) * len(names)), Channels(tuple(f"excitation.{s}" for s in surfaces), rad),
         (HEALTHY,), float(dt_s), True, params, init, step_into, run_into, (), tuple(float(a) for a in params.amplitude),

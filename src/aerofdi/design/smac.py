@@ -50,8 +50,9 @@ class Spec:
     "sum", rad/s. axis: p, q, r thresholds instead of computed ones, rad/s. smallest_fault_deg: stuck angle about trim
     that must be found, None: whatever the noise allows. lambda_share: Lambda_thresh as a share of 2A/pi. kappa: answering
     share, None: measured. torque_scale: of the model's torques. r_w, r_v: noise of the filter. odds: log-likelihood ratio
-    that decides a test; a wrong decision has a probability below exp(-odds) if the noise is as heard. follow_wind: thresholds grow with the measured gusts, up to wind_cap times. wind: standard deviation
-    of the gusts of the training flights, m/s. seconds, bank_deg, pitch_deg, altitude_m, track_m: excitation budget.
+    that decides a test; a wrong decision has a probability below exp(-odds) if the noise is as heard. follow_wind: thresholds
+    grow with the measured gusts, up to wind_cap times. wind: standard deviation of the gusts
+    of the training flights, m/s. seconds, bank_deg, pitch_deg, altitude_m, track_m: excitation budget.
     sweep_every_s: test all surfaces this often without suspicion, 0: never. Times of the isolator in s.
     """
 
@@ -122,13 +123,17 @@ def make_spec(spec: Spec | Mapping[str, Any] | None) -> Spec:
     else:
         unknown = [k for k in spec if k not in Spec.__dataclass_fields__]
         if unknown:
-            raise WrongUse(f"smac has no setting {', '.join(unknown)}; it has {', '.join(Spec.__dataclass_fields__)}")
+            raise WrongUse(
+                f"smac has no setting {', '.join(unknown)}; it has {', '.join(Spec.__dataclass_fields__)}"
+            )
         out = Spec(**dict(spec))
     for value, known, what in ((out.rule, RULES, "rule"), (out.evaluator, EVALUATORS, "evaluator")):
         if value not in known:
             raise WrongUse(f"smac: {what} {value!r} is not known; known are {', '.join(known)}")
     if out.together and out.evaluator == "rectified":
-        raise WrongUse("smac: the rectified evaluator cannot test surfaces together; choose 'fused' or together=False")
+        raise WrongUse(
+            "smac: the rectified evaluator cannot test surfaces together; choose 'fused' or together=False"
+        )
     return out
 
 
@@ -145,7 +150,7 @@ def level_flight(aircraft: Aircraft, condition: Trim, duration_s: float, **chang
 def dryden(altitude: float, sigma: float) -> WindSpec:
     """Dryden gusts of the same standard deviation (m/s) along all axes, with the scale lengths of the altitude (m)."""
     _, length = low_altitude(min(altitude, 300.0), 1.0)
-    return WindSpec(turbulence=Turbulence("dryden", 0.0, (sigma,) * 3, tuple(length)))
+    return WindSpec(turbulence=Turbulence("dryden", 0.0, (sigma,) * 3, (length[0], length[1], length[2])))
 
 
 def commanded_surfaces(aircraft: Aircraft) -> tuple[str, ...]:
@@ -153,11 +158,15 @@ def commanded_surfaces(aircraft: Aircraft) -> tuple[str, ...]:
     fields = autopilot_of(aircraft.autopilot, who=str(aircraft.path)).module.Command._fields
     names = tuple(s.name for s in aircraft.surfaces if s.name in fields)
     if not names:
-        raise CannotJudge(f"aircraft {aircraft.name!r} has no surface its autopilot commands; SMAC needs at least one")
+        raise CannotJudge(
+            f"aircraft {aircraft.name!r} has no surface its autopilot commands; SMAC needs at least one"
+        )
     return names
 
 
-def aircraft_rate_model(aircraft: Aircraft, condition: Trim, surfaces: tuple[str, ...], spec: Spec) -> RateModel:
+def aircraft_rate_model(
+    aircraft: Aircraft, condition: Trim, surfaces: tuple[str, ...], spec: Spec
+) -> RateModel:
     """The filter's model: the aircraft's angular accelerations linearised about trim, gyroscopic terms exact."""
     names = ("p", "q", "r")
     model = linearise(aircraft, condition, states=("u", "v", "w", *names), inputs=surfaces)
@@ -192,7 +201,12 @@ def _density(aircraft: Aircraft, condition: Trim) -> float:
 
 
 def measure_answers(
-    aircraft: Aircraft, condition: Trim, surfaces: tuple[str, ...], omega: Array, spec: Spec, progress: Progress
+    aircraft: Aircraft,
+    condition: Trim,
+    surfaces: tuple[str, ...],
+    omega: Array,
+    spec: Spec,
+    progress: Progress,
 ) -> Answers:
     """R0 of every surface: one noise-free flight each surface excited in turn at a quarter of A, whole periods at the
     end of each turn compared."""
@@ -202,16 +216,22 @@ def measure_answers(
     amplitude = np.full(n, 0.25 * math.radians(spec.amplitude_deg))
     d = exciter(surfaces, amplitude, omega, start, start + turn, spec.dt_s)
     progress("measuring the answers of the closed loop", 0.1)
-    flight = fly_with(level_flight(aircraft, condition, float(start[-1] + turn), noise_factor=0.0), [d]).flight
+    flight = fly_with(
+        level_flight(aircraft, condition, float(start[-1] + turn), noise_factor=0.0), [d]
+    ).flight
     if flight.meta["diverged"]:
-        raise CannotJudge(f"aircraft {aircraft.name!r} does not survive an excitation of {spec.amplitude_deg / 4} deg")
+        raise CannotJudge(
+            f"aircraft {aircraft.name!r} does not survive an excitation of {spec.amplitude_deg / 4} deg"
+        )
     out = []
     for i, s in enumerate(surfaces):
         periods = max(1, math.floor(4.0 * omega[i] / (2.0 * math.pi)))
         stop = start[i] + turn
         t0 = stop - periods * 2.0 * math.pi / omega[i]
         grid = np.arange(t0, stop - 1e-9, spec.dt_s)
-        command, excitation = (_at(flight.measured[f"{kind}.{s}"], grid) for kind in ("command", "excitation"))
+        command, excitation = (
+            _at(flight.measured[f"{kind}.{s}"], grid) for kind in ("command", "excitation")
+        )
         out.append(fourier_answer(command, excitation, float(omega[i]), spec.dt_s))
     return Answers(np.array(out), omega)
 
@@ -235,7 +255,9 @@ def _probe(surfaces: tuple[str, ...], axis: Array, answers: Answers, dead: Array
     noise = np.array([tune.low_pass(spec.f_i2_hz, w, dt) for w in answers.omega])
     loop = np.array([tune.lone_loop(r, h) for r, h in zip(answers.value, twins, strict=True)])
     alone = np.array([tune.lone_answer(x) for x in loop])
-    heard = np.array([tune.common_answer(r * m, x * m) for r, x, m in zip(answers.value, alone, mean, strict=True)])
+    heard = np.array(
+        [tune.common_answer(r * m, x * m) for r, x, m in zip(answers.value, alone, mean, strict=True)]
+    )
     # Sound twins share the answer, a lone one gives all of it: the rectified evaluator aims between the two.
     middle = 0.5 * (answers.value + alone) * mean * noise
     kappa = np.abs(middle) if spec.kappa is None else np.full(n, spec.kappa)
@@ -277,7 +299,9 @@ class Noise(NamedTuple):
     activity: float
 
 
-def _listen(params: t.Params, surfaces: tuple[str, ...], flight: Flight, spec: Spec) -> tuple[Array, Array, float]:
+def _listen(
+    params: t.Params, surfaces: tuple[str, ...], flight: Flight, spec: Spec
+) -> tuple[Array, Array, float]:
     """Standard deviations of the two filtered residuals, and vane activity, of one healthy flight."""
     d = online.from_design(_as_design(params, surfaces, ("",) * len(surfaces)))
     some = flight.measured[f"command.{surfaces[0]}"]
@@ -314,7 +338,12 @@ def _as_design(params: t.Params, surfaces: tuple[str, ...], groups: tuple[str, .
 
 
 def measure_noise(
-    aircraft: Aircraft, condition: Trim, surfaces: tuple[str, ...], params: t.Params, spec: Spec, progress: Progress
+    aircraft: Aircraft,
+    condition: Trim,
+    surfaces: tuple[str, ...],
+    params: t.Params,
+    spec: Spec,
+    progress: Progress,
 ) -> Noise:
     """Healthy flights with sensor noise, in still air and in Dryden gusts of spec.wind m/s, through the diagnoser."""
     progress("flying healthy in still air", 0.5)
@@ -363,7 +392,10 @@ def design_smac(
         )
     # A surface that does not move leaves delta - delta_c = -delta_s.
     dead = np.array(
-        [-tune.residual_response(model, V, w)[a, i] for i, (a, w) in enumerate(zip(axis, answers.omega, strict=True))]
+        [
+            -tune.residual_response(model, V, w)[a, i]
+            for i, (a, w) in enumerate(zip(axis, answers.omega, strict=True))
+        ]
     )
     probe = _probe(surfaces, axis, answers, dead, spec)
     groups = tuple(aircraft.surface(s).group for s in surfaces)
@@ -425,7 +457,9 @@ def _thresholds(
         deviation = math.radians(spec.smallest_fault_deg or 0.0) * len(members)
         if spec.smallest_fault_deg is None:
             deviation = tune.smallest_detectable(sum(gamma.values())) * (1.0 + 1e-9)
-        window = tune.threshold_window(gain * float(stiff[a]), float(stiff[a]), deviation, gamma, f"the {AXES[a]} axis")
+        window = tune.threshold_window(
+            gain * float(stiff[a]), float(stiff[a]), deviation, gamma, f"the {AXES[a]} axis"
+        )
         out[a] = (window.low, window.high)
         thresholds[a] = window.low
     return out, thresholds if spec.axis is None else np.array(spec.axis, float)
@@ -460,4 +494,9 @@ def _certificate(
         }
         for a in windows
     }
-    return {"surfaces": per_surface, "axes": per_axis, "wind_gain": wind.tolist(), "wind_floor_rad2": noise.floor}
+    return {
+        "surfaces": per_surface,
+        "axes": per_axis,
+        "wind_gain": wind.tolist(),
+        "wind_floor_rad2": noise.floor,
+    }

@@ -35,9 +35,9 @@ class Detector(NamedTuple):
 
     rule: SUM (5) or AXES. a1, a2: shares 1 - exp(-2 pi f Ts) of LP1 and LP2. threshold: Gamma2_thresh, rad/s
     (AXES: 1). release: the flag falls below release x threshold. wind_floor: vane activity of their own
-    noise, rad2; wind_cap: how far wind may raise a threshold. a_fast, a_slow, a_wind: shares of the filters of the wind measure. a_estimate: of the stuck
-    angle's filter. axis (3,): p, q, r thresholds, rad/s: they choose the group, and with AXES they detect
-    too. wind_gain (3,): growth of each with vane activity, sqrt(1 + wind_gain^2 (activity - floor)), 1/rad
+    noise, rad2; wind_cap: how far wind may raise a threshold. a_fast, a_slow, a_wind: shares of the filters
+    of the wind measure. a_estimate: of the stuck angle's filter. axis (3,): p, q, r thresholds, rad/s: they choose
+    the group, and with AXES they detect too. wind_gain (3,): growth of each with vane activity, sqrt(1 + wind_gain^2 (activity - floor)), 1/rad
     (0: fixed, as in the paper). sensitivity (3, nu): residual in rad/s that 1 rad of unexplained deflection
     leaves in steady flight.
     """
@@ -157,7 +157,7 @@ def flatten(params: Params) -> dict[str, NDArray[Any]]:
 
 def unflatten(arrays: Mapping[str, Any]) -> Params:
     """The Params of `flatten`; a missing array is refused by name."""
-    names = ["vanes", "max_age", *(f"{part}.{f}" for part, kind in _PARTS.items() for f in kind._fields)]
+    names = ["vanes", "max_age", *(f"{part}.{f}" for part, kind in _PARTS.items() for f in kind._fields)]  # type: ignore[attr-defined]
     missing = [name for name in names if name not in arrays]
     if missing:
         raise WrongUse(
@@ -172,7 +172,7 @@ def unflatten(arrays: Mapping[str, Any]) -> Params:
         return np.ascontiguousarray(a, dtype=np.int64 if whole else float)
 
     parts: dict[str, Any] = {
-        part: kind(**{f: value(arrays[f"{part}.{f}"]) for f in kind._fields})  # type: ignore[operator]
+        part: kind(**{f: value(arrays[f"{part}.{f}"]) for f in kind._fields})  # type: ignore[attr-defined]
         for part, kind in _PARTS.items()
     }
     return Params(vanes=value(arrays["vanes"]), max_age=value(arrays["max_age"]), **parts)
@@ -224,7 +224,7 @@ class State(NamedTuple):
     kalman: Array
     axes: Array
     surface: Array
-    count: Ints
+    count: Ints  # type: ignore[assignment]
     ring: Array
     misc: Array
     clock: Ints
