@@ -37,7 +37,8 @@ class Detector(NamedTuple):
     (AXES: 1). release: the flag falls below release x threshold. wind_floor: vane activity of their own
     noise, rad2; wind_cap: how far wind may raise a threshold. a_fast, a_slow, a_wind: shares of the filters
     of the wind measure. a_estimate: of the stuck angle's filter. axis (3,): p, q, r thresholds, rad/s: they choose
-    the group, and with AXES they detect too. wind_gain (3,): growth of each with vane activity, sqrt(1 + wind_gain^2 (activity - floor)), 1/rad
+    the group, and with AXES they detect too. wind_gain (3,): growth of each with vane activity, sqrt(1
+    + wind_gain^2 (activity - floor)), 1/rad
     (0: fixed, as in the paper). sensitivity (3, nu): residual in rad/s that 1 rad of unexplained deflection
     leaves in steady flight.
     """
