@@ -144,7 +144,7 @@ class Flight {
       g.fillText(row.name.length > 14 ? row.name.slice(0, 13) + "…" : row.name, LEFT - 6, y + ROW / 2);
       for (const [a, b, state, text] of row.stretches) {
         const x = s.x(a), w = Math.max(s.x(b) - x, 1);
-        g.fillStyle = colour(state); g.fillRect(x, y, w, ROW);
+        g.fillStyle = colour(state); g.fillRect(x, y, w > 3 ? w - 1 : w, ROW);
         if (w > 34) {
           g.save(); g.beginPath(); g.rect(x, y, w - 4, ROW); g.clip();
           g.fillStyle = state === "named" ? "#fff" : colour("ink"); g.textAlign = "left";
@@ -339,6 +339,7 @@ const all = [...document.querySelectorAll("section.flight")].map((section) => ne
 // Flights are drawn as they come near, so that a page of many opens at once.
 const watch = new IntersectionObserver((entries) => { for (const e of entries) if (e.isIntersecting) { all[+e.target.dataset.flight].open(); watch.unobserve(e.target); } }, { rootMargin: "600px" });
 for (const f of all) watch.observe(f.section);
+all[0].open();
 const again = () => { theme = null; for (const f of all) f.draw(); };
 window.addEventListener("resize", again);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);

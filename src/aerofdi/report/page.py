@@ -193,12 +193,12 @@ def _said(names: str, which: str, texts: list[str]) -> str:
 
 
 def _events(d: FlightDiagnosis) -> str:
-    rows = [(e["t_s"], r.diagnoser, event_text(e, d)) for r in d.results for e in r.events]
+    rows = [(e["t_s"], r.diagnoser, event_text(e, d)) for r in ordered(d) for e in r.events]
     if not rows:
         return ""
     body = "".join(
         f'<tr><td class="n">{t:.2f} s</td><td>{escape(who)}</td><td>{escape(text)}</td></tr>'
-        for t, who, text in sorted(rows)
+        for t, who, text in sorted(rows, key=lambda row: row[0])
     )
     return f'<div class="card wide"><h3>Events</h3><div class="scroll"><table class="events">{body}</table></div></div>'
 

@@ -172,7 +172,7 @@ def estimates(d: FlightDiagnosis, result: Result, r: Run) -> list[Panel]:
         t, value = _with_breaks(r, factor * r.verdict.estimate[:, i])
         _, spread = _with_breaks(r, factor * BAND * r.verdict.estimate_std[:, i])
         band = Trace("95 % interval", t, value - spread, value + spread, "band")
-        curves = (band, line("estimate", t, value, "1"), *_beside(d.flight, h.fault, h.mode, factor))
+        curves = (band, line("estimate", t, value, "1"), *_beside(d, h.fault, h.mode, factor))
         if h.mode == LOSS:
             out.append(
                 Panel(
@@ -189,20 +189,29 @@ def estimates(d: FlightDiagnosis, result: Result, r: Run) -> list[Panel]:
     return out
 
 
-def _beside(flight: Flight, surface: str, mode: str, factor: float) -> list[Trace]:
+def _beside(d: FlightDiagnosis, surface: str, mode: str, factor: float) -> list[Trace]:
     """What the surface was asked, and what it really did where a log or a simulation knows."""
     out = []
-    command = flight.measured.get(f"command.{surface}")
-    if mode == STUCK and command is not None:
-        out.append(_series("asked", command, factor, "reference", step=True))
+    flight = d.flight
+    channel, sign = _command(d, surface)
+    if mode == STUCK and channel in flight.measured:
+        out.append(_series("asked", flight.measured[channel], sign * factor, "reference", step=True))
     true = (
-        flight.output.get(f"command.{surface}", flight.truth.get(f"surface.{surface}"))
+        flight.output.get(channel, flight.truth.get(f"surface.{surface}"))
         if mode == STUCK
         else flight.truth.get(f"gain.{surface}")
     )
     if true is not None:
-        out.append(_series("truth (no diagnoser sees it)", true, factor, "truth", step=True))
+        out.append(_series("truth (no diagnoser sees it)", true, sign * factor, "truth", step=True))
     return out
+
+
+def _command(d: FlightDiagnosis, surface: str) -> tuple[str, float]:
+    """(channel, sign) of a surface's command; for a group that of its first member, which all others follow."""
+    for g in d.model.groups if d.model else ():
+        if g.name == surface:
+            return g.channels[0], math.copysign(1.0, g.weights[0])
+    return f"command.{surface}", 1.0
 
 
 def _with_breaks(r: Run, value: Array) -> tuple[Array, Array]:

@@ -72,7 +72,8 @@ def diagnosis(d: FlightDiagnosis) -> RenderableType:
         for r in ordered(d):
             said.add_row(Text(r.diagnoser), verdict(r.verdict), Text(reason(r, d)))
         parts += [Text(), Padding(said, (0, 0, 0, 1))]
-    events = sorted((e["t_s"], r.diagnoser, event_text(e, d)) for r in d.results for e in r.events)
+    told = [(e["t_s"], r.diagnoser, event_text(e, d)) for r in ordered(d) for e in r.events]
+    events = sorted(told, key=lambda row: row[0])
     if events:
         table = grid(10, 14, None)
         for t, who, text in events[:EVENTS]:
