@@ -3,6 +3,7 @@ belong.
 """
 
 import math
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -173,3 +174,17 @@ def test_parameters_change_the_aircraft_and_nothing_else():
         changed(SHORT, {"wind.sped": 1.0})
     with pytest.raises(WrongUse, match="no entry"):
         changed(SHORT, {"faults.3.value": 1.0})
+
+
+def test_an_aircraft_file_that_changes_is_read_again(tmp_path):
+    from aerofdi.aircraft.load import HOME
+
+    path = tmp_path / "mine.toml"
+    text = (HOME / "vireo.toml").read_text()
+    path.write_text(text)
+    s = replace(SHORT, aircraft=str(path))
+    first = prepare(s)
+    assert prepare(s) is first
+    path.write_text(text.replace("mass = { v = 1.28", "mass = { v = 1.40"))
+    os.utime(path, ns=(1, 1))
+    assert prepare(s).aircraft.number("mass.mass") == 1.40

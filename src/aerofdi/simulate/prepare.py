@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -18,7 +19,7 @@ from ..core.types import Array
 from ..dynamics.actuators import ActuatorParams, Servo, actuator_params
 from ..dynamics.build import plant_params
 from ..dynamics.faults import THROTTLE, Fault, FaultTable, fault_table
-from ..dynamics.sensors import TRUE, Sensor, sensor_order, sensor_params, whole_steps
+from ..dynamics.sensors import Sensor, sensor_order, sensor_params, whole_steps
 from ..dynamics.trim import Trim, trim
 from ..dynamics.types import State, Wind
 from ..dynamics.wind import WindParams, forming_filters, low_altitude, shear_factor, wind_params
@@ -54,8 +55,13 @@ class Prepared(NamedTuple):
     ideal: tuple[str, ...]
 
 
+def _changed_ns(aircraft: str) -> int:
+    """When an aircraft file given by path was last written, ns; 0 for a shipped one."""
+    return os.stat(aircraft).st_mtime_ns if aircraft.endswith(".toml") and os.path.exists(aircraft) else 0
+
+
 @lru_cache(maxsize=16)
-def _aircraft(name: str) -> Aircraft:
+def _aircraft(name: str, changed_ns: int) -> Aircraft:
     return load_aircraft(name)
 
 
@@ -169,13 +175,25 @@ def _faults(
 
 
 def prepare(scenario: Scenario) -> Prepared:
-    """Everything about a flight but its seed. Raises WrongUse for what does not fit together, NoTrim where
-    the
+    """Everything about a flight but its seed; the last scenarios prepared are remembered.
 
-    aircraft cannot fly steadily at the start.
+    Raises WrongUse for what does not fit together, NoTrim where the aircraft cannot fly steadily at the start.
+    Nothing may write into what it returns.
     """
-    s = scenario
-    aircraft = changed_aircraft(_aircraft(s.aircraft), s.parameters)
+    key = (repr(scenario), _changed_ns(scenario.aircraft))
+    if key not in _RECENT:
+        while len(_RECENT) >= REMEMBERED:
+            _RECENT.pop(next(iter(_RECENT)), None)
+        _RECENT[key] = _prepare(scenario)
+    return _RECENT[key]
+
+
+REMEMBERED = 32
+_RECENT: dict[tuple[str, int], Prepared] = {}
+
+
+def _prepare(s: Scenario) -> Prepared:
+    aircraft = changed_aircraft(_aircraft(s.aircraft, _changed_ns(s.aircraft)), s.parameters)
     autopilot = autopilot_of(aircraft.autopilot, s.autopilot, s.variant, who=f"scenario {s.name!r}")
     dt, control_every, record_every = _rates(s, autopilot)
     plant = plant_params(aircraft)
@@ -183,20 +201,10 @@ def prepare(scenario: Scenario) -> Prepared:
     servos, limits, actuators = _servos(aircraft, dt)
     rest = np.array([*steady.surfaces[: len(servos) - 1], steady.throttle])
     wind = _wind(s, aircraft.number("reference.span"), dt)
-    f = shear_factor(wind, s.start.altitude)
-    air = Wind(f * wind.steady[0], f * wind.steady[1], f * wind.steady[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    x = steady.placed(s.start.north, s.start.east, s.start.heading, air)
     sensors, ideal = _sensors(s, aircraft, 1.0 / (dt * control_every))
     order = [sensors[i] for i in sensor_order(sensors, dt)]
     delay_faults = any(q.mode == "delayed" and q.target.startswith("sensor.") for q in s.faults)
     channels = [q.channel for q in order]
-    command = autopilot.module.Command._fields
-    unknown = [c for c in command if c not in servos]
-    if unknown:
-        raise WrongUse(
-            f"scenario {s.name!r}: autopilot {autopilot.name!r} commands {', '.join(unknown)}, "
-            f"but aircraft {aircraft.name!r} has {', '.join(servos)}"
-        )
     params = Params(
         plant=plant,
         wind=wind,
@@ -208,31 +216,39 @@ def prepare(scenario: Scenario) -> Prepared:
         feed=np.array(
             [channels.index(c) if c in channels else len(channels) for c in Measured._fields], np.int64
         ),
-        route=np.array([command.index(n) if n in command else -1 for n in servos], np.int64),
+        route=_route(s, autopilot, aircraft, servos),
         trim=rest,
         dt=dt,
         control_every=control_every,
         record_every=record_every,
     )
-    first = autopilot.module.Command(**{n: float(rest[servos.index(n)]) for n in command})
-    pilot = autopilot.module.init(autopilot.gains, first, _first_readings(steady, x, air, s.start.heading))
+    x, pilot = _first_states(s, autopilot, steady, wind, servos, rest)
     steps = max(1, round(s.duration_s / dt))
+    room = _delay_room(s.faults)
     return Prepared(
-        s,
-        aircraft,
-        autopilot,
-        steady,
-        params,
-        steps,
-        x,
-        pilot,
-        servos,
-        tuple(order),
-        _delay_room(s.faults),
-        ideal,
+        s, aircraft, autopilot, steady, params, steps, x, pilot, servos, tuple(order), room, ideal
     )
 
 
-def unit_of(channel: str) -> str:
-    """Unit of a sensor channel."""
-    return TRUE[channel]
+def _route(s: Scenario, autopilot: Autopilot, aircraft: Aircraft, servos: tuple[str, ...]) -> Any:
+    """Field of the controller's Command for each servo, -1 for none."""
+    command = autopilot.module.Command._fields
+    unknown = [c for c in command if c not in servos]
+    if unknown:
+        raise WrongUse(
+            f"scenario {s.name!r}: autopilot {autopilot.name!r} commands {', '.join(unknown)}, "
+            f"but aircraft {aircraft.name!r} has {', '.join(servos)}"
+        )
+    return np.array([command.index(n) if n in command else -1 for n in servos], np.int64)
+
+
+def _first_states(
+    s: Scenario, autopilot: Autopilot, steady: Trim, wind: WindParams, servos: tuple[str, ...], rest: Array
+) -> tuple[State, Any]:
+    """Plant and autopilot in trim at the start, in the steady wind of that height."""
+    f = shear_factor(wind, s.start.altitude)
+    air = Wind(f * wind.steady[0], f * wind.steady[1], f * wind.steady[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    x = steady.placed(s.start.north, s.start.east, s.start.heading, air)
+    module = autopilot.module
+    first = module.Command(**{n: float(rest[servos.index(n)]) for n in module.Command._fields})
+    return x, module.init(autopilot.gains, first, _first_readings(steady, x, air, s.start.heading))
