@@ -199,6 +199,9 @@ def test_scheduling_costs_gain_only_where_the_aircraft_makes_it(scheduled, singl
     # +-8 m/s^2 costs the lateral axis a factor of three and the longitudinal one next to nothing.
     assert scheduled["lat", False][2].gamma_optimal > 2.5 * single["lat", False][2].gamma_optimal
     assert scheduled["lon", True][2].gamma_optimal < 1.1 * single["lon", True][2].gamma_optimal
+    # The gains of twenty nodes are those of the ends.
+    assert scheduled["lon", True][2].gamma_optimal == pytest.approx(0.09662, rel=0.01)
+    assert scheduled["lat", False][2].gamma_optimal == pytest.approx(0.2659, rel=0.02)
 
 
 def test_clarabel_direct_equals_cvxpy(axes):
