@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core import HEALTHY, Array, Channels, Diagnoser, Verdict
-from ..parts.ops import jit, sin
+from ..parts.ops import lean, sin
 
 
 class ExciterParams(NamedTuple):
@@ -37,7 +37,7 @@ def init(params: ExciterParams) -> ExciterState:
     return ExciterState(np.zeros(1))
 
 
-@jit
+@lean
 def step_into(params: ExciterParams, state: ExciterState, z: Array, age: Array, out: Verdict, k: int) -> None:
     """Row k of out: what is added to the commands at the next sample."""
     state.k[0] += 1.0
@@ -51,7 +51,7 @@ def step_into(params: ExciterParams, state: ExciterState, z: Array, age: Array, 
     out.status[k] = 0
 
 
-@jit
+@lean
 def run_into(params: ExciterParams, state: ExciterState, z: Array, age: Array, out: Verdict) -> None:
     for k in range(len(z)):
         step_into(params, state, z[k], age[k], out, k)

@@ -172,10 +172,11 @@ def lone_answer(loop: complex) -> complex:
 
 
 def common_answer(shared: complex, alone: complex) -> complex:
-    """The reference R0 in whose direction both answers of a sound surface, shared and alone, project to at least 1.
+    """The reference R0 in whose direction both answers of a sound surface, shared and alone, project to at
+    least 1.
 
-    It is the point nearest to 0 of the segment between them: Re(R / R0) >= 1 for both, 0 for no answer, and no other
-    direction lets noise weigh less.
+    It is the point nearest to 0 of the segment between them: Re(R / R0) >= 1 for both, 0 for no answer, and
+    no other direction lets noise weigh less.
     """
     along = alone - shared
     if abs(along) < 1e-9 * abs(shared):

@@ -48,14 +48,13 @@ from ..core import (
     Verdict,
     WrongUse,
 )
-from ..parts.ops import inline, jit, maximum, minimum, sqrt
+from ..parts.ops import inline, lean, maximum, minimum, sqrt
 from .smac_ekf import ekf_step, input_acceleration
-from .smac_health import evaluate_health, listen, loss_std, remaining, silence, watch_commands
-from .smac_isolator import HALT, REST, TEST, TRACK, isolate, reset
+from .smac_health import evaluate_health, listen, silence, watch_commands
+from .smac_isolator import HALT, REST, isolate, reset
 from .smac_types import (
     AIRSPEED,
     ALPHA,
-    ANGLE_STD,
     AXES,
     AXIS,
     BETA,
@@ -63,16 +62,12 @@ from .smac_types import (
     C_COS,
     CALM,
     DELTA,
-    EXCITATION,
-    EXCITED,
     FIRST,
     FLAG,
     GAMMA2,
     GAP,
-    HEARD,
     INDEX,
     LABEL,
-    LAMBDA,
     LEVEL,
     LOW,
     MEAN,
@@ -98,6 +93,7 @@ from .smac_types import (
     init,
     unflatten,
 )
+from .smac_verdict import gamma_threshold, say
 
 NONFINITE, STALE, NOT_READY, OUTSIDE = (
     int(s) for s in (Status.NONFINITE, Status.STALE_INPUT, Status.NOT_READY, Status.OUT_OF_ENVELOPE)
@@ -121,7 +117,9 @@ def _input_status(p: Params, z: Array, age: Array) -> int:
 
 @inline
 def _start(p: Params, s: State, z: Array) -> None:
-    """At the start and after a long gap: the filter begins at the measured rates, command filters at the commands."""
+    """At the start and after a long gap: the filter begins at the measured rates, command filters at the
+    commands.
+    """
     n = len(s.surface)
     s.kalman[:] = 0.0
     for i in range(3):
@@ -154,7 +152,7 @@ def _bad_sample(s: State) -> None:
 
 
 @inline
-def _follow_wind(p: Params, s: State, z: Array) -> None:
+def follow_wind(p: Params, s: State, z: Array) -> None:
     """How far the wind raises the threshold of each axis: 1 in still air or without vanes.
 
     Activity: mean square of both vanes between f_slow and f_fast, less that of their own noise.
@@ -194,13 +192,6 @@ def residuals(p: Params, s: State, z: Array) -> None:
     a1 = input_acceleration(m, V, alpha, beta, z, FIRST, n, 1)
     a2 = input_acceleration(m, V, alpha, beta, z, FIRST, n, 2)
     ekf_step(m, s.kalman, z, V, a0, a1, a2, s.axes)
-
-
-@inline
-def gamma_threshold(d: Detector, s: State) -> float:
-    """Gamma2_thresh as the wind has it: AXES scales each axis itself, SUM takes their mean."""
-    m = s.misc
-    return d.threshold if d.rule == AXES else d.threshold * (m[SCALE] + m[SCALE + 1] + m[SCALE + 2]) / 3.0
 
 
 @inline
@@ -249,73 +240,7 @@ def _estimate(p: Params, s: State, z: Array) -> None:
             surface[i, DELTA] = rest / float(sensitivity[axis, i])
 
 
-@inline
-def _alone(p: Params, s: State, i: int) -> bool:
-    """Whether no other declared surface shares the axis: two stuck twins leave one residual for two
-    unknowns.
-    """
-    for j in range(len(s.count)):
-        if j != i and s.count[j, LABEL] > 0 and p.probe.place[j, AXIS] == p.probe.place[i, AXIS]:
-            return False
-    return True
-
-
-@inline
-def _say_surface(p: Params, s: State, i: int, ok: bool, out: Verdict, k: int) -> None:
-    """The two hypotheses of surface i."""
-    a, b = 1 + 2 * i, 2 + 2 * i
-    active, score, estimate, std = out.active, out.score, out.estimate, out.estimate_std
-    label = s.count[i, LABEL]
-    heard = s.count[i, EXCITED] > 0 and s.count[i, HEARD] > 0
-    lost = 1.0 - remaining(p.probe, s, i) if heard else math.nan
-    active[k, a], active[k, b] = ok and label == 1, ok and label == 2
-    score[k, a], score[k, b] = s.surface[i, LAMBDA] if heard else math.nan, lost
-    angle = ok and label == 1 and _alone(p, s, i)
-    estimate[k, a] = s.surface[i, TRIM] + s.surface[i, DELTA] if angle else math.nan
-    std[k, a] = p.probe.surface[i, ANGLE_STD] if angle else math.nan
-    share = ok and label == 2 and heard
-    estimate[k, b] = lost if share else math.nan
-    std[k, b] = loss_std(p.probe, s, i) if share else math.nan
-
-
-@inline
-def _say_nothing(i: int, out: Verdict, k: int) -> None:
-    """The two hypotheses of a surface that is neither declared nor excited."""
-    active, score, estimate, std = out.active, out.score, out.estimate, out.estimate_std
-    for j in range(1 + 2 * i, 3 + 2 * i):
-        active[k, j] = False
-        score[k, j], estimate[k, j], std[k, j] = math.nan, math.nan, math.nan
-
-
-@jit
-def _say(p: Params, s: State, status: int, out: Verdict, k: int) -> None:
-    """Row k of the verdict."""
-    judging = status in (0, OUTSIDE)
-    count, excitation = s.count, out.excitation
-    fault = s.clock[FLAG] > 0 and judging
-    for i in range(len(count)):
-        excitation[k, i] = s.surface[i, EXCITATION]
-        if count[i, LABEL] == 0 and count[i, EXCITED] == 0:
-            _say_nothing(i, out, k)
-        else:
-            _say_surface(p, s, i, judging, out, k)
-            fault = fault or (judging and count[i, LABEL] > 0)
-    out.detected[k] = fault
-    out.active[k, 0] = status == 0 and not fault
-    out.score[k, 0], out.estimate[k, 0], out.estimate_std[k, 0] = math.nan, math.nan, math.nan
-    bad = status in (NONFINITE, STALE)
-    residual, threshold = out.residual, out.threshold
-    for i in range(3):
-        residual[k, i] = math.nan if bad else s.axes[i, LEVEL]
-        threshold[k, i] = p.detector.axis[i] * s.misc[SCALE + i]
-    residual[k, 3] = math.nan if bad else s.misc[GAMMA2]
-    threshold[k, 3] = gamma_threshold(p.detector, s)
-    busy = s.clock[MODE] in (TEST, TRACK)
-    out.request[k] = HOLD_LEVEL if judging and busy else 0
-    out.status[k] = status
-
-
-@jit
+@lean
 def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, k: int) -> None:
     """One sample: z = signals, commands (nu), excitations (nu), reset; row k of out."""
     p, s, clock = params, state, state.clock
@@ -324,13 +249,13 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
     status = _input_status(p, z, age)
     if status > 0:
         _bad_sample(s)
-        _say(p, s, status, out, k)
+        say(p, s, status, out, k)
         return
     if clock[INDEX] == 0 or clock[GAP] > p.probe.window:
         _start(p, s, z)
     elif clock[GAP] > 0:
         _resume(s, z)
-    _follow_wind(p, s, z)
+    follow_wind(p, s, z)
     residuals(p, s, z)
     watch_commands(p.probe, s, z, FIRST, len(s.surface))
     clock[READY] += 1
@@ -348,10 +273,10 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
         listen(p.probe, s, p.detector.a_wind)
     clock[CALM] += 1
     clock[INDEX] += 1
-    _say(p, s, OUTSIDE if clock[MODE] == HALT else (0 if ready else NOT_READY), out, k)
+    say(p, s, OUTSIDE if clock[MODE] == HALT else (0 if ready else NOT_READY), out, k)
 
 
-@jit
+@lean
 def run_into(params: Params, state: State, z: Array, age: Array, out: Verdict) -> None:
     """Every row of z (n, nz)."""
     for k in range(len(z)):

@@ -104,7 +104,8 @@ def watch_commands(probe: Probe, s: State, z: Array, first: int, n: int) -> None
 
 @inline
 def listen(probe: Probe, s: State, a_ambient: float) -> None:
-    """Without excitation: how much commands and residuals move at the test frequencies by themselves (ambient).
+    """Without excitation: how much commands and residuals move at the test frequencies by themselves
+    (ambient).
 
     The mean of all that was heard so far, later of the last while.
     """
@@ -141,7 +142,9 @@ def _fused(probe: Probe, s: State, i: int, from_command: float, from_residual: f
 
 @inline
 def _synchronous(probe: Probe, s: State, i: int) -> float:
-    """The lost share of the last window, NaN before there is one; R, Q and Lambda are averaged, at most over a_track."""
+    """The lost share of the last window, NaN before there is one; R, Q and Lambda are averaged, at most
+    over a_track.
+    """
     surface, count = s.surface, s.count
     A = float(probe.surface[i, AMPLITUDE])
     ec, es = float(surface[i, E_COS]), float(surface[i, E_SIN])
@@ -174,12 +177,13 @@ def _synchronous(probe: Probe, s: State, i: int) -> float:
 
 @inline
 def _weigh(p: Params, s: State, i: int, lost: float) -> None:
-    """One sample of evidence. While testing, Wald's sequential test of "does not answer" (lost 1) against "sound"
-    (lost 0), its zero moved to Lambda_thresh; while tracking, Page's cumulative sum of the opposite.
+    """One sample of evidence. While testing, Wald's sequential test of "does not answer" (lost 1) against
+    "sound" (lost 0), its zero moved to Lambda_thresh; while tracking, Page's cumulative sum of the
+    opposite.
 
-    lost is one window's estimate of variance v. The first window brings (lost - threshold) / v; consecutive windows
-    share all but one of N samples, so each further sample brings 1/N of that. Steps are bounded so that the change of
-    a label never rests on one sample.
+    lost is one window's estimate of variance v. The first window brings (lost - threshold) / v; consecutive
+    windows share all but one of N samples, so each further sample brings 1/N of that. Steps are bounded so
+    that the change of a label never rests on one sample.
     """
     tracking = s.count[i, LABEL] > 0
     most = p.timing.odds / (p.timing.recover if tracking else p.timing.confirm)
@@ -259,7 +263,9 @@ def evaluate_health(p: Params, s: State) -> None:
 
 @inline
 def loss_std(probe: Probe, s: State, i: int) -> float:
-    """Standard deviation of the lost share after the windows averaged so far (0 for the rectified evaluator)."""
+    """Standard deviation of the lost share after the windows averaged so far (0 for the rectified
+    evaluator).
+    """
     if probe.method == RECTIFIED or s.count[i, HEARD] == 0:
         return 0.0
     return sqrt(window_variance(probe, s, i) / (1.0 + int(s.count[i, HEARD]) / probe.window))

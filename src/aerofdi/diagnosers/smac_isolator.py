@@ -17,10 +17,11 @@
 |       | fall after `settle`   |         | excitation are used up                                   |
 |       | without a flag        |         |                                                          |
 
-A decision needs `test_min` samples of excitation and evidence beyond `odds` (see `smac_health`): for "does not
-answer" the surface is declared, for "sound" it is acquitted. The evidence is weighed with the noise heard before the
-test, so in wind a test takes longer instead of guessing. A surface still undecided after `test_max` is not declared and
-is tried again next round. A declared surface recovers when the evidence for its answer, from then on, passes `odds`.
+A decision needs `test_min` samples of excitation and evidence beyond `odds` (see `smac_health`): for "does
+not answer" the surface is declared, for "sound" it is acquitted. The evidence is weighed with the noise
+heard before the test, so in wind a test takes longer instead of guessing. A surface still undecided after
+`test_max` is not declared and is tried again next round. A declared surface recovers when the evidence for
+its answer, from then on, passes `odds`.
 
 Order: the axis whose |LP2(LP1(residual))| / threshold is largest comes first, its surfaces in the order of
 the aircraft file. Once a surface is declared its axis is explained: of that axis only the untested twins
@@ -34,7 +35,7 @@ The text of the paper gives the purpose of Figure 6 but not its timeouts, and it
 from __future__ import annotations
 
 from ..core import Array
-from ..parts.ops import inline, jit, sin
+from ..parts.ops import inline, lean, sin
 from .smac_health import excite, remaining, silence
 from .smac_types import (
     AIRSPEED,
@@ -163,7 +164,7 @@ def _wanted(p: Params, s: State, i: int, any_label: bool) -> float:
     return ratio
 
 
-@jit
+@lean
 def _next_slot(p: Params, s: State) -> int:
     """The most urgent slot of this round, -1 when there is none left."""
     best, urgency = -1, -1.0
@@ -177,7 +178,7 @@ def _next_slot(p: Params, s: State) -> int:
     return best
 
 
-@jit
+@lean
 def _advance_round(p: Params, s: State) -> None:
     """Next slot of the round, or its end."""
     k = _next_slot(p, s)
@@ -190,7 +191,7 @@ def _advance_round(p: Params, s: State) -> None:
     enter(s, TRACK if labelled(s) else REST)
 
 
-@jit
+@lean
 def _watch(p: Params, s: State, z: Array) -> None:
     due = p.timing.sweep_every > 0 and s.clock[SWEEP_AGE] >= p.timing.sweep_every
     if s.clock[FLAG] > 0 or due:
@@ -213,7 +214,9 @@ def _decide(p: Params, s: State, i: int) -> None:
 
 @inline
 def _apart(p: Params, slot: Ints, i: int) -> bool:
-    """Whether a declared surface may stay excited during a test: no surface of the slot shares axis and frequency."""
+    """Whether a declared surface may stay excited during a test: no surface of the slot shares axis and
+    frequency.
+    """
     apart = True
     for j in range(len(slot)):
         same = p.probe.place[j, AXIS] == p.probe.place[i, AXIS]
@@ -222,7 +225,7 @@ def _apart(p: Params, slot: Ints, i: int) -> bool:
     return apart
 
 
-@jit
+@lean
 def _test(p: Params, s: State) -> None:
     slot = p.probe.slots[s.clock[SLOT]]
     pending = 0
@@ -247,7 +250,7 @@ def _test(p: Params, s: State) -> None:
             silence(s, i)
 
 
-@jit
+@lean
 def _foreign(p: Params, s: State) -> bool:
     """Whether an axis without a declared surface has shown a residual for `confirm` samples."""
     seen = False
@@ -267,7 +270,7 @@ def _name_mode(p: Params, s: State, i: int) -> None:
     s.count[i, LABEL] = 1 if left < edge else 2
 
 
-@jit
+@lean
 def _follow(p: Params, s: State, i: int) -> None:
     """A declared surface whose answer is back has recovered; else it is stuck or partly effective."""
     if s.surface[i, EVIDENCE] >= p.timing.odds:
@@ -277,7 +280,7 @@ def _follow(p: Params, s: State, i: int) -> None:
         _name_mode(p, s, i)
 
 
-@jit
+@lean
 def _track(p: Params, s: State) -> None:
     for i in range(len(s.count)):
         if s.count[i, LABEL] > 0:
@@ -299,7 +302,7 @@ def _track(p: Params, s: State) -> None:
             excite(p.probe, s, i)
 
 
-@jit
+@lean
 def _wait(p: Params, s: State, z: Array, mode: int) -> None:
     """REST, HALT and SPENT."""
     if mode == HALT:
@@ -318,7 +321,7 @@ def _wait(p: Params, s: State, z: Array, mode: int) -> None:
         enter(s, TRACK if labelled(s) else WATCH)
 
 
-@jit
+@lean
 def isolate(p: Params, s: State, z: Array) -> None:
     """One sample of the machine."""
     s.clock[SINCE] += 1

@@ -33,14 +33,13 @@ FIRST = len(SIGNALS)
 class Detector(NamedTuple):
     """Fault detector, section 3.2.
 
-    rule: SUM (5) or AXES. a1, a2: shares 1 - exp(-2 pi f Ts) of LP1 and LP2. threshold: Gamma2_thresh, rad/s
-    (AXES: 1). release: the flag falls below release x threshold. wind_floor: vane activity of their own
-    noise, rad2; wind_cap: how far wind may raise a threshold. a_fast, a_slow, a_wind: shares of the filters
-    of the wind measure. a_estimate: of the stuck angle's filter. axis (3,): p, q, r thresholds, rad/s: they choose
-    the group, and with AXES they detect too. wind_gain (3,): growth of each with vane activity, sqrt(1
-    + wind_gain^2 (activity - floor)), 1/rad
-    (0: fixed, as in the paper). sensitivity (3, nu): residual in rad/s that 1 rad of unexplained deflection
-    leaves in steady flight.
+    rule: SUM (5) or AXES. a1, a2: shares 1 - exp(-2 pi f Ts) of LP1 and LP2. threshold: Gamma2_thresh,
+    rad/s (AXES: 1). release: the flag falls below release x threshold. wind_floor: vane activity of their
+    own noise, rad2; wind_cap: how far wind may raise a threshold. a_fast, a_slow, a_wind: shares of the
+    filters of the wind measure. a_estimate: of the stuck angle's filter. axis (3,): p, q, r thresholds,
+    rad/s: they choose the group, and with AXES they detect too. wind_gain (3,): growth of each with vane
+    activity, sqrt(1 + wind_gain^2 (activity - floor)), 1/rad (0: fixed, as in the paper). sensitivity (3,
+    nu): residual in rad/s that 1 rad of unexplained deflection leaves in steady flight.
     """
 
     rule: int

@@ -1,0 +1,1 @@
+"""The paper "smac": one small filter, active excitation, actuator by actuator."""
