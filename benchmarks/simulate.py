@@ -53,6 +53,9 @@ class _JSBSim:
             jsbsim.FGJSBBase().debug_lvl = 0
             self.fdm = jsbsim.FGFDMExec(None)
             self.fdm.set_debug_level(0)
+            # The script writes a file of its own, into the working folder unless told otherwise.
+            self.folder = tempfile.TemporaryDirectory()
+            self.fdm.set_output_path(self.folder.name)
             self.fdm.load_script("scripts/c1723.xml")
             self.fdm.run_ic()
             self.fdm.disable_output()

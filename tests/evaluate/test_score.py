@@ -87,6 +87,12 @@ def test_an_alarm_left_over_from_a_fault_is_neither_false_nor_healthy_time():
     assert s.false_alarms_s == pytest.approx((96.0,)) and s.healthy_s == pytest.approx(50 + 7)
 
 
+def test_an_alarm_on_from_the_start_is_a_false_one():
+    t, v = verdict(alarms=[(0, 40)])
+    s = score(t, v, TABLE, [Fault("right", "stuck", 50.0, 80.0)], settle_s=10.0)
+    assert s.false_alarms_s == pytest.approx((10.0,)) and s.healthy_s == pytest.approx(40 + 10)
+
+
 def test_samples_that_do_not_judge_neither_detect_nor_count():
     t, v = verdict(alarms=[(20, 21), (52, 80)], bad=[(19, 22), (50, 60)])
     s = score(t, v, TABLE, [Fault("right", "stuck", 50.0, 80.0)])

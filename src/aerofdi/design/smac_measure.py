@@ -58,9 +58,11 @@ def measure_answers(
     omega: Array,
     spec: Spec,
     progress: Progress,
+    **changes: Any,
 ) -> Answers:
     """R0 of every surface: one noise-free flight each surface excited in turn at a quarter of A, whole
-    periods at the end of each turn compared."""
+    periods at the end of each turn compared. changes: of the scenario (faults, to see what is left of an
+    answer)."""
     turn, pause = 8.0, 6.0
     n = len(surfaces)
     start = 2.0 + (turn + pause) * np.arange(n)
@@ -68,7 +70,7 @@ def measure_answers(
     d = exciter(surfaces, amplitude, omega, start, start + turn, spec.dt_s)
     progress("measuring the answers of the closed loop", 0.1)
     flight = fly_with(
-        level_flight(aircraft, condition, float(start[-1] + turn), noise_factor=0.0), [d]
+        level_flight(aircraft, condition, float(start[-1] + turn), noise_factor=0.0, **changes), [d]
     ).flight
     if flight.meta["diverged"]:
         raise CannotJudge(

@@ -8,7 +8,7 @@ rectified (17)   Lambda = LP_i3 | delta_s(k - lambda) + (delta_c - mean)(k) / ka
 synchronous      Lambda = 2A/pi (1 - Re(Rbar / R0)),   Rbar: mean over the test of R = C / E, C and E the Fourier
                  coefficients of delta_c and delta_s at omega over the last N samples (whole periods)
 
-fused            Lambda = 2A/pi times the inverse-variance mean of 1 - Re(Rbar / R0) and Re(Qbar / Q0), Q the ratio of
+fused            Lambda = 2A/pi times the minimum-variance mean of 1 - Re(Rbar / R0) and Re(Qbar / Q0), Q the ratio of
                  the filter's residual to the excitation at omega, Q0 that of a surface that does not move
 
 0 = answers as a sound surface, 2A/pi (20) = does not answer. kappa and R0 are measured on the healthy
@@ -38,6 +38,9 @@ from .smac_types import (
     C_POWER,
     C_SIN,
     CALM,
+    CROSS_IM,
+    CROSS_RE,
+    DEAD_IM,
     DEAD_RE,
     E_COS,
     E_SIN,
@@ -45,6 +48,7 @@ from .smac_types import (
     EXCITATION,
     EXCITED,
     FUSED,
+    HEALTHY_IM,
     HEALTHY_RE,
     HEARD,
     INDEX,
@@ -63,6 +67,7 @@ from .smac_types import (
     RECTIFIED,
     REPLY,
     RESIDUAL,
+    SWEEP,
     THRESHOLD,
     WITNESS_IM,
     WITNESS_RE,
@@ -113,10 +118,12 @@ def listen(probe: Probe, s: State, a_ambient: float) -> None:
     share = maximum(a_ambient, 1.0 / (1.0 + int(s.clock[LISTENED])))
     s.clock[LISTENED] += 1
     for i in range(len(surface)):
-        c, d = scale * float(surface[i, C_COS]), scale * float(surface[i, C_SIN])
-        surface[i, C_POWER] += share * (c * c + d * d - float(surface[i, C_POWER]))
+        a, b = scale * float(surface[i, C_COS]), scale * float(surface[i, C_SIN])
         c, d = scale * float(surface[i, R_COS]), scale * float(surface[i, R_SIN])
+        surface[i, C_POWER] += share * (a * a + b * b - float(surface[i, C_POWER]))
         surface[i, R_POWER] += share * (c * c + d * d - float(surface[i, R_POWER]))
+        surface[i, CROSS_RE] += share * (a * c + b * d - float(surface[i, CROSS_RE]))
+        surface[i, CROSS_IM] += share * (a * d - b * c - float(surface[i, CROSS_IM]))
 
 
 @inline
@@ -131,13 +138,40 @@ def _rectified(probe: Probe, s: State, i: int) -> float:
 
 
 @inline
-def _fused(probe: Probe, s: State, i: int, from_command: float, from_residual: float) -> float:
-    """The two lost shares weighted by the inverse of their variances; the command's alone where not FUSED."""
-    if probe.method != FUSED:
-        return from_command
-    a = _variance(probe, s, i, C_POWER, HEALTHY_RE)
-    b = _variance(probe, s, i, R_POWER, DEAD_RE)
-    return (b * from_command + a * from_residual) / (a + b) if a + b > 0.0 else from_command
+def _covariance(probe: Probe, s: State, i: int) -> tuple[float, float, float]:
+    """Variances of one window's lost share from the command and from the residual, and their covariance.
+
+    From what both do at the test frequency without excitation. Both hear the same gyros, so they err
+    together; a negative covariance, which would promise too much, counts as none.
+    """
+    row, ambient = probe.surface, s.surface
+    A = float(row[i, AMPLITUDE])
+    a, b = float(row[i, HEALTHY_RE]), float(row[i, HEALTHY_IM])
+    c, d = float(row[i, DEAD_RE]), float(row[i, DEAD_IM])
+    heard, dead = A * A * (a * a + b * b), A * A * (c * c + d * d)
+    # -Re(X / (R0 conj Q0)) / 2A^2, minus because a loud answer is a small loss.
+    re, im = a * c + b * d, b * c - a * d
+    cross = (
+        -0.5 * A * A * (float(ambient[i, CROSS_RE]) * re + float(ambient[i, CROSS_IM]) * im) / (heard * dead)
+    )
+    return (
+        0.5 * float(ambient[i, C_POWER]) / heard,
+        0.5 * float(ambient[i, R_POWER]) / dead,
+        maximum(cross, 0.0),
+    )
+
+
+@inline
+def _weights(probe: Probe, s: State, i: int) -> tuple[float, float]:
+    """Weight of the command's lost share (the residual has the rest), and the variance of the weighted
+    mean.
+    """
+    v, w, c = _covariance(probe, s, i)
+    if probe.method != FUSED or v + w - 2.0 * c <= 0.0:
+        return 1.0, v
+    weight = clip((w - c) / (v + w - 2.0 * c), 0.0, 1.0)
+    rest = 1.0 - weight
+    return weight, weight * weight * v + rest * rest * w + 2.0 * weight * rest * c
 
 
 @inline
@@ -161,18 +195,23 @@ def _synchronous(probe: Probe, s: State, i: int) -> float:
     surface[i, ANSWER_IM] += share * (answer_im - surface[i, ANSWER_IM])
     surface[i, WITNESS_RE] += share * (witness_re - surface[i, WITNESS_RE])
     surface[i, WITNESS_IM] += share * (witness_im - surface[i, WITNESS_IM])
-    now = _fused(
-        probe, s, i,
-        1.0 - _projection(probe, i, answer_re, answer_im, HEALTHY_RE),
-        _projection(probe, i, witness_re, witness_im, DEAD_RE),
-    )  # fmt: skip
-    mean = _fused(
-        probe, s, i,
-        1.0 - _projection(probe, i, surface[i, ANSWER_RE], surface[i, ANSWER_IM], HEALTHY_RE),
-        _projection(probe, i, surface[i, WITNESS_RE], surface[i, WITNESS_IM], DEAD_RE),
-    )  # fmt: skip
+    weight, _ = _weights(probe, s, i)
+    heard = 1.0 - _projection(probe, i, answer_re, answer_im, HEALTHY_RE)
+    seen = _projection(probe, i, witness_re, witness_im, DEAD_RE)
+    now = weight * heard + (1.0 - weight) * seen
+    heard = 1.0 - _projection(probe, i, surface[i, ANSWER_RE], surface[i, ANSWER_IM], HEALTHY_RE)
+    seen = _projection(probe, i, surface[i, WITNESS_RE], surface[i, WITNESS_IM], DEAD_RE)
+    mean = weight * heard + (1.0 - weight) * seen
     surface[i, LAMBDA] = 2.0 * A / pi * maximum(mean, 0.0)
     return now
+
+
+@inline
+def needed_odds(p: Params, s: State) -> float:
+    """The log-likelihood ratio that decides: twice as much in a sweep, where nothing speaks for a fault
+    beforehand.
+    """
+    return 2.0 * p.timing.odds if s.clock[SWEEP] > 0 else p.timing.odds
 
 
 @inline
@@ -186,8 +225,12 @@ def _weigh(p: Params, s: State, i: int, lost: float) -> None:
     that the change of a label never rests on one sample.
     """
     tracking = s.count[i, LABEL] > 0
-    most = p.timing.odds / (p.timing.recover if tracking else p.timing.confirm)
+    odds = needed_odds(p, s)
+    most = odds / (p.timing.recover if tracking else p.timing.confirm)
     gap = lost - float(p.probe.surface[i, THRESHOLD]) * pi / (2.0 * float(p.probe.surface[i, AMPLITUDE]))
+    if s.count[i, LABEL] == 2:
+        # A partly effective surface near the threshold must not come and go.
+        gap += float(p.probe.surface[i, THRESHOLD]) * pi / (6.0 * float(p.probe.surface[i, AMPLITUDE]))
     if p.probe.method == RECTIFIED:
         step = most if gap > 0.0 else -most
     elif s.clock[LISTENED] == 0:
@@ -195,7 +238,7 @@ def _weigh(p: Params, s: State, i: int, lost: float) -> None:
     else:
         step = gap / maximum(window_variance(p.probe, s, i), 1e-9)
         first = s.count[i, HEARD] == 1 and not tracking
-        most = p.timing.odds - most if first else most
+        most = odds - most if first else most
         step = clip(step if first else step / p.probe.window, -most, most)
     evidence = float(s.surface[i, EVIDENCE])
     s.surface[i, EVIDENCE] = maximum(evidence - step, 0.0) if tracking else evidence + step
@@ -209,24 +252,10 @@ def _projection(probe: Probe, i: int, a: float, b: float, reference: int) -> flo
 
 
 @inline
-def _variance(probe: Probe, s: State, i: int, power: int, reference: int) -> float:
-    """Variance of one window's lost share from what command or residual do without excitation."""
-    A, c, d = (
-        float(probe.surface[i, AMPLITUDE]),
-        float(probe.surface[i, reference]),
-        float(probe.surface[i, reference + 1]),
-    )
-    return 0.5 * float(s.surface[i, power]) / (A * A * (c * c + d * d))
-
-
-@inline
 def window_variance(probe: Probe, s: State, i: int) -> float:
     """Variance of the lost share that one window gives, from the ambient."""
-    one = _variance(probe, s, i, C_POWER, HEALTHY_RE)
-    if probe.method == FUSED:
-        b = _variance(probe, s, i, R_POWER, DEAD_RE)
-        one = one * b / (one + b) if one + b > 0.0 else 0.0
-    return one
+    _, variance = _weights(probe, s, i)
+    return variance
 
 
 @inline

@@ -36,7 +36,7 @@ from __future__ import annotations
 
 from ..core import Array
 from ..parts.ops import inline, lean, sin
-from .smac_health import excite, remaining, silence
+from .smac_health import excite, needed_odds, remaining, silence
 from .smac_types import (
     AIRSPEED,
     ALTITUDE,
@@ -45,7 +45,6 @@ from .smac_types import (
     DRIFT,
     EFFORT,
     EVIDENCE,
-    EXCITED,
     FLAG,
     FOREIGN,
     HEARD,
@@ -204,11 +203,11 @@ def _watch(p: Params, s: State, z: Array) -> None:
 @inline
 def _decide(p: Params, s: State, i: int) -> None:
     """Declared or sound, once the evidence is strong enough."""
-    evidence = s.surface[i, EVIDENCE]
-    if evidence >= p.timing.odds:
+    evidence, odds = s.surface[i, EVIDENCE], needed_odds(p, s)
+    if evidence >= odds:
         s.count[i, LABEL], s.count[i, ROUND] = 1, SOUND  # tested; the label says the rest
         s.surface[i, EVIDENCE] = 0.0
-    elif evidence <= -p.timing.odds:
+    elif evidence <= -odds:
         s.count[i, ROUND] = SOUND
 
 
@@ -273,11 +272,12 @@ def _name_mode(p: Params, s: State, i: int) -> None:
 @lean
 def _follow(p: Params, s: State, i: int) -> None:
     """A declared surface whose answer is back has recovered; else it is stuck or partly effective."""
-    if s.surface[i, EVIDENCE] >= p.timing.odds:
+    odds = needed_odds(p, s)
+    if s.surface[i, EVIDENCE] >= odds:
         s.count[i, LABEL] = 0
         silence(s, i)
-    elif s.count[i, HEARD] > 0 and s.count[i, EXCITED] >= p.timing.test_min:
-        _name_mode(p, s, i)
+    elif s.count[i, HEARD] > 0 and s.surface[i, EVIDENCE] < 0.25 * odds:
+        _name_mode(p, s, i)  # not while it is on the way back
 
 
 @lean

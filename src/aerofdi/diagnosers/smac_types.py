@@ -200,8 +200,10 @@ RESIDUAL, LOW, LEVEL, SLOW = range(4)
     R_SIN,
     C_POWER,  # mean square amplitude of command and residual at the test frequency without excitation
     R_POWER,
+    CROSS_RE,  # mean of command times conjugate residual there
+    CROSS_IM,
     EVIDENCE,  # log-likelihood ratio of dead against sound (testing), of sound against dead (tracking)
-) = range(19)
+) = range(21)
 # Columns of State.count.
 HEARD, EXCITED, LABEL, ROUND = range(4)
 # Slots of State.clock.
@@ -215,7 +217,7 @@ class State(NamedTuple):
     """Memory between steps, for nu surfaces and a window of N samples; the columns are named above.
 
     kalman (9,): x and the lower triangle of Sigma. axes (3, 4): residual; through LP1; through LP1 and LP2;
-    through the estimate's filter. surface (nu, 19). count (nu, 4): samples averaged into the answer;
+    through the estimate's filter. surface (nu, 21). count (nu, 4): samples averaged into the answer;
     samples excited; label (0 sound, 1 stuck, 2 partly effective); verdict of this round (0 untested, 1
     sound, 2 undecided). ring (2 nu + 3, N):
     commands without mean, excitations, residuals. misc (13,). clock (13,).
@@ -235,6 +237,6 @@ def init(params: Params) -> State:
     n, window = len(params.probe.surface), params.probe.window
     kalman = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
     return State(
-        kalman, np.zeros((3, 4)), np.zeros((n, 19)), np.zeros((n, 4), dtype=np.int64), np.zeros((2 * n + 3, window)),
+        kalman, np.zeros((3, 4)), np.zeros((n, 21)), np.zeros((n, 4), dtype=np.int64), np.zeros((2 * n + 3, window)),
         np.zeros(13), np.zeros(13, dtype=np.int64),
     )  # fmt: skip

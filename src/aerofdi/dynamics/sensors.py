@@ -242,10 +242,12 @@ def sensors_step(
         first, last, period = params.groups[g, 0], params.groups[g, 1], params.groups[g, 2]
         if k % period != 0:
             continue
-        draw = normal4(seed, run, NOISE_CHANNEL + first // 4, k)
+        draw, block = (0.0, 0.0, 0.0, 0.0), -1
         for i in range(first, last):
-            if i % 4 == 0 and i > first:
-                draw = normal4(seed, run, NOISE_CHANNEL + i // 4, k)
+            # Four sensors share a draw; ideal ones need none.
+            if params.number[i, SIGMA] > 0.0 and i // 4 != block:
+                block = i // 4
+                draw = normal4(seed, run, NOISE_CHANNEL + block, k)
             if params.number[i, WALK] > 0.0 and k > 0:
                 step = normal4(seed, run, WALK_CHANNEL + i // 4, k)
                 state.walk[i] += params.number[i, WALK] * sqrt(period * params.dt_s) * step[i % 4]

@@ -157,12 +157,12 @@ def _detection(
     )  # fmt: skip
 
 
-def _inherited(healthy: Mask, detected: Mask) -> Mask:
-    """Samples of an alarm that was already on when a healthy stretch after a fault began."""
+def _inherited(healthy: Mask, excused: Mask, detected: Mask) -> Mask:
+    """Samples of an alarm that goes on from the time after a fault (`excused`) into a healthy stretch."""
     out = np.zeros(len(healthy), bool)
     starts = np.flatnonzero(healthy & ~np.concatenate(([False], healthy[:-1])))
     for k in starts:
-        if k > 0 and detected[k - 1] and detected[k]:
+        if k > 0 and excused[k - 1] and detected[k - 1] and detected[k]:
             quiet = np.flatnonzero(~detected[k:])
             out[k : k + (quiet[0] if len(quiet) else len(out))] = True
     return out
@@ -201,10 +201,11 @@ def score(
     faults = sorted(faults, key=lambda f: f.start_s)
     settled = t_s >= (t_s[0] + settle_s if len(t_s) else 0.0)
     ok = (verdict.status == Status.OK) & settled
-    healthy = ok.copy()
+    excused = np.zeros(len(t_s), bool)
     for f in faults:
-        healthy &= ~((t_s >= f.start_s) & (t_s < f.end_s + clear_s))
-    healthy &= ~_inherited(healthy, verdict.detected)
+        excused |= (t_s >= f.start_s) & (t_s < f.end_s + clear_s)
+    healthy = ok & ~excused
+    healthy &= ~_inherited(healthy, excused, verdict.detected)
     dt = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
     alarms = rising_edges(healthy & verdict.detected, t_s, merge_s)
     share = float(np.mean(ok[settled])) if settled.any() else math.nan

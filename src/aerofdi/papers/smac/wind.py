@@ -5,6 +5,7 @@ wind.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -70,3 +71,25 @@ def find(quick: bool, progress: Callable[[str, float], None]) -> Findings:
 def _share(row: dict[str, float | list[float] | int], name: str) -> Ours:
     low, high = row[f"{name}_ci"]  # type: ignore[misc]
     return Ours(float(row[name]), (low, high))  # type: ignore[arg-type]
+
+
+def main() -> None:
+    """The table of README.md, at two strengths of gusts."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
+    print(
+        "| gusts m/s | design | faults | a wrong surface declared | only the faulty group | isolated | median s |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    for gusts in (1.0, GUSTS):
+        for kind in KINDS[1:]:
+            r = rates([flown(kind, gusts, seed) for seed in range(1, count + 1)])
+            names = ("a_wrong_surface_was_declared", "only_the_faulty_group_was_declared", "isolated")
+            shares = [f"{r[n]:.3f} [{r[n + '_ci'][0]:.3f}, {r[n + '_ci'][1]:.3f}]" for n in names]  # type: ignore[index]
+            print(
+                f"| {gusts:g} | {kind} | {r['faults']} | {' | '.join(shares)} | {r['isolated_s_median']:.1f} |",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -15,7 +15,19 @@ from ...evaluate.truth import value_at
 from ...simulate import fly
 from ..claims import Findings, Ours
 from . import methods
-from .flights import HERE, METHODS, NAMES, READINGS, Point, flown, judge, judged, points, scenario
+from .flights import (
+    HERE,
+    METHODS,
+    NAMES,
+    READINGS,
+    Point,
+    flown,
+    judge,
+    judged,
+    points,
+    scenario,
+    with_resets,
+)
 
 DEG = 180.0 / math.pi
 SWEEP_DEG = (-5.0, -3.0, -2.0, -1.5, -1.0, -0.5, -0.25, 0.0)
@@ -248,6 +260,22 @@ def variants() -> list[dict[str, Any]]:
                 "false_alarms": sum(s.false_alarms for s in scores),
             }
         )
+    return out
+
+
+def roll_in(earlier_s: float = 1.0) -> list[dict[str, Any]]:
+    """Every fault this much earlier, which moves those in corners to the end of the roll-in: misses and isolation."""
+    out = []
+    for m, make in METHODS.items():
+        found: list[Detection] = []
+        for name in NAMES:
+            base = scenario(name)
+            faults = tuple(
+                f._replace(start_s=f.start_s - earlier_s, end_s=f.end_s - earlier_s) for f in base.faults
+            )
+            found += judge(with_resets(fly(replace(base, faults=faults))), make()).score.detections
+        right = sum(d.correct for d in found)
+        out.append({"method": m, "missed": sum(d.missed for d in found), "right_elevon_first": right})
     return out
 
 

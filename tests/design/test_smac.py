@@ -1,0 +1,102 @@
+"""SMAC designs from aircraft files: what they measure is what the closed loop does; what cannot be found is
+refused.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from aerofdi.aircraft import load_aircraft
+from aerofdi.core import CannotJudge, WrongUse
+from aerofdi.design import smac_tuning as tune
+from aerofdi.design.io import load_design, save_design
+from aerofdi.design.smac import PAPER, design_smac, level_flight, make_spec
+from aerofdi.diagnosers import smac, smac_types
+from aerofdi.dynamics.faults import Fault
+from aerofdi.dynamics.trim import trim
+from aerofdi.simulate import fly_with
+
+QUICK = {"calibration_s": 60.0}
+
+
+@pytest.fixture(scope="module")
+def designs():
+    return {name: design_smac(load_aircraft(name), QUICK) for name in ("ducard", "vireo")}
+
+
+def test_answers_of_the_closed_loop_agree_with_the_linear_one(designs):
+    """The autopilot's criteria, derived from linear models, say 0.65, 0.65, 0.76 at 1 Hz; here it is
+    flown.
+    """
+    found = designs["ducard"].certificate["surfaces"]
+    for name, ratio in (("aileron_left", 0.65), ("elevator_left", 0.65), ("rudder", 0.76)):
+        assert found[name]["answer"] == pytest.approx(ratio, abs=0.03)
+    assert found["aileron_right"]["frequency_hz"] == 2.0 and found["aileron_left"]["frequency_hz"] == 1.0
+
+
+def test_twin_left_alone_answers_as_predicted():
+    """One aileron stuck: the other answers its excitation by -L1/(1 + L1) with L1 measured on the healthy
+    pair.
+    """
+    from aerofdi.design.smac_measure import measure_answers
+
+    aircraft = load_aircraft("ducard")
+    condition, surfaces, spec = (
+        trim(aircraft),
+        ("aileron_left", "aileron_right"),
+        make_spec({"together": False}),
+    )
+    omega = np.full(2, 2.0 * math.pi)
+    healthy = measure_answers(aircraft, condition, surfaces, omega, spec, lambda *_: None).value
+    stuck = (Fault("aileron_right", "stuck", 0.0, value=0.0, about="trim"),)
+    alone = measure_answers(aircraft, condition, surfaces, omega, spec, lambda *_: None, faults=stuck).value
+    assert alone[0] == pytest.approx(tune.lone_answer(tune.lone_loop(healthy[0], 1)), abs=0.02)
+    assert abs(alone[1]) < 0.01
+
+
+def test_thresholds_lie_in_their_window_and_are_made_of_the_noise(designs):
+    for d in designs.values():
+        for axis in d.certificate["axes"].values():
+            low, high = axis["window_rad_s"]
+            assert low <= axis["threshold_rad_s"] < high
+            assert axis["threshold_rad_s"] == pytest.approx(4.0 * axis["noise_rad_s"])
+            assert axis["noise_in_gusts_rad_s"] > axis["noise_rad_s"]
+
+
+def test_fault_below_the_noise_is_refused_and_the_cause_named():
+    with pytest.raises(CannotJudge, match="'sensor noise'"):
+        design_smac(load_aircraft("ducard"), {**QUICK, "smallest_fault_deg": 0.2})
+
+
+def test_the_right_elevon_of_another_aircraft_is_found(designs):
+    """A flying wing without vanes: elevons are tested as one group, alpha is taken from the pitch angle."""
+    aircraft, d = load_aircraft("vireo"), smac.from_design(designs["vireo"])
+    assert {"alpha", "beta"} <= set(d.inputs.optional)
+    fault = Fault("elevon_right", "stuck", 15.0, value=math.radians(3.0), about="trim")
+    w = fly_with(level_flight(aircraft, trim(aircraft), 30.0, faults=(fault,)), [d]).verdicts[0]
+    on = w.verdict.active[:, 1::2] | w.verdict.active[:, 2::2]
+    assert on[-1].tolist() == [False, True] and not on[:, 0].any() and not on[w.t_s < 15.0].any()
+
+
+def test_design_is_saved_and_loaded_to_the_bit(designs, tmp_path):
+    again = load_design(save_design(designs["ducard"], tmp_path / "d.toml"))
+    assert set(again.params) == set(designs["ducard"].params)
+    assert all(np.array_equal(again.params[k], v) for k, v in designs["ducard"].params.items())
+    assert smac.from_design(again).hypotheses == smac.from_design(designs["ducard"]).hypotheses
+
+
+def test_unknown_settings_are_refused_by_name():
+    with pytest.raises(WrongUse, match="amplitude_degrees"):
+        make_spec({"amplitude_degrees": 2.0})
+    with pytest.raises(WrongUse, match="rectified, synchronous, fused"):
+        make_spec({"evaluator": "guess"})
+    with pytest.raises(WrongUse, match="together"):
+        make_spec({"evaluator": "rectified"})
+
+
+def test_the_papers_numbers_are_the_printed_ones():
+    assert (PAPER.gamma2, PAPER.axis, PAPER.f1_hz, PAPER.f2_hz) == (0.025, (0.03, 0.2, 0.5), 0.4, 0.4)
+    assert PAPER.lambda_share * tune.lambda_max(math.radians(2.0)) == pytest.approx(0.01)
+    assert (PAPER.r_w, PAPER.r_v, PAPER.torque_scale, PAPER.kappa) == (2.0, 0.1, 0.75, 1.0)
+    assert smac_types.SUM == 0 and PAPER.rule == "sum" and PAPER.evaluator == "rectified"
