@@ -124,6 +124,26 @@ def test_foreign_and_empty_files(capsys: pytest.CaptureFixture[str], tmp_path: P
         assert code == 2 and out == "" and name in one_line(err)
 
 
+def test_one_unreadable_file_leaves_the_others_their_results(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, ground: Path
+) -> None:
+    bad, worse = tmp_path / "bad.ulg", tmp_path / "worse.BIN"
+    bad.write_bytes(b"")
+    worse.write_bytes(b"hello")
+    page = tmp_path / "r.html"
+    code, out, err = run(capsys, "diagnose", str(bad), str(ground), str(worse), "--report", str(page))
+    assert code == 2 and "cannot judge" in out and page.exists()
+    first, second = err.splitlines()
+    assert first.startswith("not judged: ") and "bad.ulg" in first and "worse.BIN" in second
+    code, out, err = run(capsys, "diagnose", str(ground), str(bad), "--json")
+    told = json.loads(out)
+    assert code == 2 and "bad.ulg" in one_line(err)
+    assert [f["file"] for f in told["flights"]] == [str(ground)]
+    assert [r["file"] for r in told["refused"]] == [str(bad)] and told["refused"][0]["error"]
+    code, out, err = run(capsys, "diagnose", str(worse), str(bad), "--report", str(tmp_path / "none.html"))
+    assert code == 2 and out == "" and err.count("\n") == 2 and not (tmp_path / "none.html").exists()
+
+
 def test_wrong_unit_names_both_sides(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     t = 0.02 * np.arange(2000)
     measured = {n: Series(t, np.sin(t), "deg/s" if n == "p" else "rad/s") for n in "pqr"}

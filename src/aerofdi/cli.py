@@ -236,24 +236,32 @@ def diagnose(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Say which control surface failed, when and how much of it is left. Exit code 10: a fault; 3: a flight nothing
-    could judge; 0: no fault."""
+    """Say which control surface failed, when and how much of it is left. Exit code 10: a fault; else 2: a file that
+    cannot be used, the others are judged; else 3: a flight nothing could judge; 0: no fault."""
     from .pipeline import diagnose as diagnosing
     from .pipeline import exit_code
 
+    refused: list[tuple[str, Exception]] = []
     with working("diagnosing") as say:
         found = diagnosing(
             counted(flights, say), aircraft=aircraft, with_diagnosers=with_ or (), healthy=healthy,
             healthy_flight=healthy_flight, judge_span=judge, profile=profile, progress=say,
+            refused=lambda name, error: refused.append((name, error)),
         )  # fmt: skip
-    files = written(found, report) if report else []
-    if json:
-        show_json({"flights": [d.to_json() for d in found], "files": files})
-    else:
+    if len(flights) == len(refused) == 1:
+        raise refused[0][1]
+    some = len(refused) < len(flights)
+    files = written(found, report) if report and some else []
+    if json and some:
+        told = [{"file": name, "error": str(error)} for name, error in refused]
+        show_json({"flights": [d.to_json() for d in found], "refused": told, "files": files})
+    elif some:
         from .report.terminal import diagnoses
 
         show(diagnoses(found, files))
-    raise typer.Exit(exit_code(found))
+    for name, error in refused:
+        complain("not judged", str(error) if name in str(error) else f"{name}: {error}", 2)
+    raise typer.Exit(exit_code(found, len(refused)))
 
 
 def written(found: Sequence[Any], report: Path) -> list[str]:

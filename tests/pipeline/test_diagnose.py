@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import synthetic as syn
 
-from aerofdi.core import Flight, Series, Status, WrongUse, empty_verdict
+from aerofdi.core import Flight, Series, Status, UnreadableFile, WrongUse, empty_verdict
 from aerofdi.pipeline import Run, diagnose, exit_code
 from aerofdi.pipeline.judge import events, minimum_detectable
 from aerofdi.pipeline.spans import inside, parse_span, split, without
@@ -154,6 +154,30 @@ def test_a_published_aircraft_refuses_commands_it_cannot_use():
 def test_a_span_that_is_none_is_refused_with_the_option_named(text):
     with pytest.raises(WrongUse, match="--judge"):
         parse_span(text, "--judge")
+
+
+def test_a_flight_that_cannot_be_used_does_not_take_the_others_with_it(healthy, tmp_path):
+    empty, odd, good = tmp_path / "empty.ulg", syn.fly(60.0, seed=57), syn.fly(60.0, seed=58)
+    empty.write_bytes(b"")
+    odd = odd.with_measured(p=odd.measured["p"]._replace(unit="deg/s"))
+    refused: list = []
+    found = diagnose(
+        [empty, odd, good], aircraft=healthy.model, refused=lambda name, error: refused.append((name, error))
+    )
+    assert [d.file for d in found] == [good.name] and found[0].verdict == "healthy"
+    assert [name for name, _ in refused] == [str(empty), odd.name]
+    assert all(error.exit_code == 2 for _, error in refused)
+    with pytest.raises(UnreadableFile, match=r"empty\.ulg"):
+        diagnose([good, empty], aircraft=healthy.model)
+
+
+def test_a_fault_is_never_hidden_by_a_file_that_cannot_be_read(healthy, stuck):
+    silent = diagnose(Flight({}, meta={"source": "nothing"}))[0]
+    for found, refused, code in (
+        ([healthy], 0, 0), ([healthy, silent], 0, 3), ([healthy, silent], 1, 2), ([], 1, 2), ([healthy], 1, 2),
+        ([stuck, silent], 1, 10),
+    ):  # fmt: skip
+        assert exit_code(found, refused) == code
 
 
 def test_an_unknown_diagnoser_is_refused_with_the_choice():

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from ..aircraft import Aircraft, load_aircraft
 from ..aircraft.identified import IdentifiedModel
-from ..core.errors import AerofdiError, CannotJudge, WrongUse
+from ..core.errors import AerofdiError, CannotJudge, MissingExtra, UnreadableFile, WrongUse
 from ..core.types import Flight
 from ..records import flown, read
 from .judge import Progress, judge
@@ -29,6 +29,7 @@ def diagnose(
     healthy_flight: str | os.PathLike[str] | Flight | None = None,
     judge_span: str | Span | None = None,
     profile: str | None = None,
+    refused: Callable[[str, AerofdiError], None] | None = None,
     progress: Progress | None = None,
 ) -> list[FlightDiagnosis]:
     """Diagnose one or many flights.
@@ -41,7 +42,8 @@ def diagnose(
     it replaces; or a published aircraft, whose derivatives are used while noise and trim are learnt. judge_span: what
     to judge, less what was learnt from. Times are seconds on the log's clock.
 
-    Files that cannot be read raise UnreadableFile or WrongUse; what a flight does not allow becomes a result
+    A flight that cannot be read or used (UnreadableFile, WrongUse, MissingExtra) raises, unless `refused` is given:
+    then refused(name, error) is called and the others are judged. What a flight does not allow becomes a result
     `cannot_judge`.
     """
     if isinstance(flights, str | os.PathLike | Flight):
@@ -63,9 +65,14 @@ def diagnose(
     )
     out = []
     for item in flights:
-        flight = item if isinstance(item, Flight) else read(os.fspath(item), profile)
-        name = flight.name if isinstance(item, Flight) else os.fspath(item)
-        out.append(_one(name, flight, wanted, model, published, span, reference, window, say))
+        name = item.name if isinstance(item, Flight) else os.fspath(item)
+        try:
+            flight = item if isinstance(item, Flight) else read(name, profile)
+            out.append(_one(name, flight, wanted, model, published, span, reference, window, say))
+        except (UnreadableFile, WrongUse, MissingExtra) as error:
+            if refused is None:
+                raise
+            refused(name, error)
     return out
 
 
@@ -167,10 +174,10 @@ def _loaded(model: IdentifiedModel | None, flight: Flight, healthy: Span | None)
     return Trained(model, diagnosers(model, max_ages(model, flight)), model.notes)
 
 
-def exit_code(found: Sequence[FlightDiagnosis]) -> int:
-    """10 if any fault, else 3 if any flight has no diagnoser able to judge, else 0."""
+def exit_code(found: Sequence[FlightDiagnosis], refused: int = 0) -> int:
+    """10 if any fault, else 2 if any flight was refused, else 3 if any has no diagnoser able to judge, else 0."""
     verdicts = {f.verdict for f in found}
-    return 10 if "fault" in verdicts else 3 if "cannot_judge" in verdicts else 0
+    return 10 if "fault" in verdicts else 2 if refused else 3 if "cannot_judge" in verdicts else 0
 
 
 def default_model_path(report: str | os.PathLike[str]) -> Path:
