@@ -102,6 +102,8 @@ def test_the_commands_of_the_architecture(capsys: pytest.CaptureFixture[str]) ->
         (["diagnose", "x.csv", "--report", "nowhere/r.html"], "nowhere/r.html"),
         (["design", "smac", "--aircraft", "vireo", "-o", "."], "'-o'"),
         (["demo", "--report", "nowhere/r.html"], "nowhere/r.html"),
+        (["diagnose", "x.csv", "--false-alarms-per-hour", "0"], "above 0 and at most 60 per hour"),
+        (["identify", "x.csv", "--false-alarms-per-hour", "often"], "--false-alarms-per-hour"),
     ],
 )
 def test_wrong_use_is_one_line_and_code_2(

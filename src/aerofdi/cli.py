@@ -50,6 +50,15 @@ Healthy = Annotated[
 ProfileName = Annotated[
     str | None, typer.Option("--profile", metavar="P", help="Channel map: a shipped profile or a TOML file.")
 ]
+FalseAlarms = Annotated[
+    float | None,
+    typer.Option(
+        "--false-alarms-per-hour",
+        metavar="N",
+        help="False alarms to accept in an hour of healthy flight as rough as the learnt one, above 0 and at most "
+        "60 (per hour); sets the thresholds [0.1].",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 
@@ -223,8 +232,11 @@ def diagnose(
         list[str] | None, typer.Option("--with", metavar="D", help="Only this diagnoser; may be repeated.")
     ] = None,
     healthy: Healthy = None,
-    healthy_flight: Annotated[str | None, typer.Option(metavar="F", help="Learn from this flight.")] = None,
+    healthy_flight: Annotated[
+        str | None, typer.Option(metavar="F", help="Learn from this flight, which is not judged itself.")
+    ] = None,
     judge: Annotated[str | None, typer.Option(metavar="T0:T1", help="Judge this span only.")] = None,
+    false_alarms_per_hour: FalseAlarms = None,
     profile: ProfileName = None,
     report: Annotated[
         Path | None,
@@ -246,6 +258,7 @@ def diagnose(
         found = diagnosing(
             counted(flights, say), aircraft=aircraft, with_diagnosers=with_ or (), healthy=healthy,
             healthy_flight=healthy_flight, judge_span=judge, profile=profile, progress=say,
+            false_alarms_per_hour=false_alarms_per_hour,
             refused=lambda name, error: refused.append((name, error)),
         )  # fmt: skip
     if len(flights) == len(refused) == 1:
@@ -279,6 +292,7 @@ def identify(
         Path, typer.Option("-o", "--output", callback=_place, help="Aircraft file to write.")
     ] = Path("aircraft.toml"),
     healthy: Healthy = None,
+    false_alarms_per_hour: FalseAlarms = None,
     profile: ProfileName = None,
     json: Json = False,
 ) -> None:
@@ -287,7 +301,10 @@ def identify(
     from .pipeline import learn
 
     with working("learning") as say:
-        model = learn(counted(flights, say), healthy=healthy, profile=profile, progress=say)
+        model = learn(
+            counted(flights, say), healthy=healthy, false_alarms_per_hour=false_alarms_per_hour,
+            profile=profile, progress=say,
+        )  # fmt: skip
     save_identified(model, output)
     if json:
         return show_json({"file": keep(output), **model._asdict()})

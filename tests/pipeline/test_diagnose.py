@@ -7,7 +7,7 @@ import pytest
 import synthetic as syn
 
 from aerofdi.core import Flight, Series, Status, UnreadableFile, WrongUse, empty_verdict
-from aerofdi.pipeline import Run, diagnose, exit_code
+from aerofdi.pipeline import Run, diagnose, exit_code, learn
 from aerofdi.pipeline.judge import events, minimum_detectable
 from aerofdi.pipeline.spans import inside, parse_span, split, without
 
@@ -154,6 +154,54 @@ def test_a_published_aircraft_refuses_commands_it_cannot_use():
 def test_a_span_that_is_none_is_refused_with_the_option_named(text):
     with pytest.raises(WrongUse, match="--judge"):
         parse_span(text, "--judge")
+
+
+def test_fewer_false_alarms_are_bought_with_larger_faults_unseen(healthy):
+    flight = syn.fly(60.0, seed=59)
+
+    def judged(rate):
+        d = diagnose(
+            flight, aircraft=healthy.model, healthy_flight=syn.fly(60.0, seed=54), false_alarms_per_hour=rate
+        )[0]
+        return d.model.calibration, [r.minimum_detectable for r in d.results]
+
+    (often, small), (default, middle), (seldom, large) = (judged(r) for r in (10.0, None, 0.01))
+    assert default == judged(0.1)[0]
+    for key in default:
+        assert all(a <= b <= c for a, b, c in zip(often[key], default[key], seldom[key], strict=True))
+        assert often[key] < seldom[key]
+    for few, some, many in zip(small, middle, large, strict=True):
+        assert all(few[k] <= some[k] <= many[k] and few[k] < many[k] for k in some)
+    # Each factor of e in the rate is one unit of log-likelihood.
+    assert seldom["effectiveness_alarm"][0] - default["effectiveness_alarm"][0] == pytest.approx(np.log(10.0))
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf"), 61.0])
+def test_a_rate_of_false_alarms_that_is_none_is_refused(rate):
+    with pytest.raises(WrongUse, match=r"--false-alarms-per-hour .* per hour"):
+        diagnose(syn.fly(40.0, seed=60), false_alarms_per_hour=rate)
+    with pytest.raises(WrongUse, match=r"--false-alarms-per-hour .* per hour"):
+        learn([syn.fly(40.0, seed=60)], false_alarms_per_hour=rate)
+
+
+def test_a_model_that_brings_its_thresholds_takes_no_rate_without_healthy_flight(healthy):
+    with pytest.raises(WrongUse, match="--healthy-flight"):
+        diagnose(syn.fly(40.0, seed=60), aircraft=healthy.model, false_alarms_per_hour=1.0)
+
+
+def test_the_flight_learnt_from_is_not_judged_with_it(tmp_path):
+    from aerofdi.records import write_flight
+
+    flight = syn.fly(90.0, seed=46)
+    write_flight(flight, tmp_path / "one.parquet")
+    write_flight(flight, tmp_path / "copy.parquet")
+    other = syn.fly(60.0, seed=45)
+    for same, source in ((flight, flight), (tmp_path / "copy.parquet", tmp_path / "one.parquet")):
+        refused: list = []
+        found = diagnose([same, other], healthy_flight=source, refused=lambda *what: refused.append(what))  # noqa: B023
+        assert [d.file for d in found] == [other.name] and found[0].verdict == "healthy"
+        ((_, error),) = refused
+        assert isinstance(error, WrongUse) and "independent" in str(error) and "--healthy T0:T1" in str(error)
 
 
 def test_a_flight_that_cannot_be_used_does_not_take_the_others_with_it(healthy, tmp_path):

@@ -7,6 +7,8 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from ..aircraft import Aircraft, load_aircraft
 from ..aircraft.identified import IdentifiedModel
 from ..core.errors import AerofdiError, CannotJudge, MissingExtra, UnreadableFile, WrongUse
@@ -14,10 +16,11 @@ from ..core.types import Flight
 from ..records import flown, read
 from .judge import Progress, judge
 from .spans import inside, parse_span, split, without
-from .train import Trained, calibrate, diagnosers, max_ages, train
+from .train import Trained, calibrate, checked_rate, diagnosers, max_ages, train
 from .types import FlightDiagnosis, Result, Span
 
 DIAGNOSERS = ("parity", "effectiveness")
+Learning = Callable[[Flight, list[Span]], Trained]
 
 
 def diagnose(
@@ -28,6 +31,7 @@ def diagnose(
     healthy: str | Span | None = None,
     healthy_flight: str | os.PathLike[str] | Flight | None = None,
     judge_span: str | Span | None = None,
+    false_alarms_per_hour: float | None = None,
     profile: str | None = None,
     refused: Callable[[str, AerofdiError], None] | None = None,
     progress: Progress | None = None,
@@ -40,11 +44,12 @@ def diagnose(
     healthy: the span to learn from instead; what follows it is judged. healthy_flight: another flight to learn from
     (`healthy` then is a span of that one). aircraft: a model saved before, whose thresholds healthy flight given with
     it replaces; or a published aircraft, whose derivatives are used while noise and trim are learnt. judge_span: what
-    to judge, less what was learnt from. Times are seconds on the log's clock.
+    to judge, less what was learnt from. Times are seconds on the log's clock. false_alarms_per_hour: how many an hour
+    of healthy flight as rough as the learnt one may bring, 0.1 by default.
 
-    A flight that cannot be read or used (UnreadableFile, WrongUse, MissingExtra) raises, unless `refused` is given:
-    then refused(name, error) is called and the others are judged. What a flight does not allow becomes a result
-    `cannot_judge`.
+    A flight that cannot be read or used (UnreadableFile, MissingExtra, WrongUse: also `healthy_flight` itself, which
+    is no independent test) raises, unless `refused` is given: then refused(name, error) is called and the others are
+    judged. What a flight does not allow becomes a result `cannot_judge`.
     """
     if isinstance(flights, str | os.PathLike | Flight):
         flights = [flights]
@@ -58,17 +63,26 @@ def diagnose(
     model, published = _known(aircraft)
     span = parse_span(healthy, "--healthy") if isinstance(healthy, str) else healthy
     window = parse_span(judge_span, "--judge") if isinstance(judge_span, str) else judge_span
-    reference = (
-        _reference(healthy_flight, span, profile, say, model, published)
-        if healthy_flight is not None
-        else None
-    )
+    if false_alarms_per_hour is not None and model is not None and span is None and healthy_flight is None:
+        raise WrongUse(
+            f"--false-alarms-per-hour sets thresholds on healthy flight, but the model of {model.name} brings its own; "
+            f"give healthy flight too, with --healthy T0:T1 or --healthy-flight F"
+        )
+    learning = _learning(model, published, checked_rate(false_alarms_per_hour), say)
+    reference, source = None, None
+    if healthy_flight is not None:
+        source = (
+            healthy_flight if isinstance(healthy_flight, Flight) else read(os.fspath(healthy_flight), profile)
+        )
+        reference = _reference(source, span, learning, say)
     out = []
     for item in flights:
         name = item.name if isinstance(item, Flight) else os.fspath(item)
         try:
             flight = item if isinstance(item, Flight) else read(name, profile)
-            out.append(_one(name, flight, wanted, model, published, span, reference, window, say))
+            if source is not None:
+                _independent(name, flight, source)
+            out.append(_one(name, flight, wanted, model, learning, span, reference, window, say))
         except (UnreadableFile, WrongUse, MissingExtra) as error:
             if refused is None:
                 raise
@@ -76,24 +90,40 @@ def diagnose(
     return out
 
 
-def _reference(
-    source: str | os.PathLike[str] | Flight,
-    span: Span | None,
-    profile: str | None,
-    say: Progress,
-    model: IdentifiedModel | None,
-    published: Aircraft | None,
-) -> Trained:
-    flight = source if isinstance(source, Flight) else read(os.fspath(source), profile)
+def _learning(
+    model: IdentifiedModel | None, published: Aircraft | None, rate: float, say: Progress
+) -> Learning:
+    def learn(flight: Flight, spans: list[Span]) -> Trained:
+        if model is not None:
+            return calibrate(flight, spans, model, rate)
+        return train(flight, spans, say, rate, published)
+
+    return learn
+
+
+def _reference(flight: Flight, span: Span | None, learning: Learning, say: Progress) -> Trained:
     spans = [span] if span else flown(flight)[0]
     if not spans:
         raise CannotJudge(
             f"{flight.name}: nothing in it was flown under autopilot; give its healthy span with --healthy"
         )
     say(f"learning from {flight.name}")
-    if model is not None:
-        return calibrate(flight, spans, model)
-    return train(flight, spans, say, published=published)
+    return learning(flight, spans)
+
+
+def _independent(name: str, flight: Flight, source: Flight) -> None:
+    """Refuse the very record that was learnt from, whatever its file is called: the same measurements and stamps."""
+    if not flight.measured or set(flight.measured) != set(source.measured):
+        return
+    pairs = [(flight.measured[n], source.measured[n]) for n in flight.measured]
+    if all(
+        np.array_equal(a.t_s, b.t_s, equal_nan=True) and np.array_equal(a.value, b.value, equal_nan=True)
+        for a, b in pairs
+    ):
+        raise WrongUse(
+            f"{name}: this is the healthy flight itself (--healthy-flight), and what was learnt from is no "
+            f"independent test; judge another flight, or learn from a span of this one with --healthy T0:T1"
+        )
 
 
 def _known(
@@ -111,7 +141,7 @@ def _one(
     flight: Flight,
     wanted: tuple[str, ...],
     model: IdentifiedModel | None,
-    published: Aircraft | None,
+    learning: Learning,
     healthy: Span | None,
     reference: Trained | None,
     window: Span | None,
@@ -125,8 +155,8 @@ def _one(
             raise CannotJudge(_outside(name, "--healthy", healthy, flight))
         if model is not None or reference is not None:
             judged = spans
-            ready = reference or _loaded(model, flight, healthy)
             trained = [healthy] if healthy and reference is None else []
+            ready = reference or (learning(flight, trained) if trained else _loaded(model, flight))
         else:
             # What was flown before a given healthy span may be the take-off; only what follows is judged.
             trained, judged = (
@@ -137,7 +167,7 @@ def _one(
                     f"{name}: nothing was flown under autopilot with surface commands moving; "
                     f"give spans with --healthy T0:T1 and --judge T0:T1"
                 )
-            ready = train(flight, trained, say, published=published)
+            ready = learning(flight, trained)
         if window and not inside([window], flight.span_s):
             raise CannotJudge(_outside(name, "--judge", window, flight))
         judged = inside(without([window] if window else judged, trained), flight.span_s)
@@ -166,11 +196,9 @@ def _outside(name: str, option: str, span: Span, flight: Flight) -> str:
     )
 
 
-def _loaded(model: IdentifiedModel | None, flight: Flight, healthy: Span | None) -> Trained:
+def _loaded(model: IdentifiedModel | None, flight: Flight) -> Trained:
     if model is None:
         raise AerofdiError("no model and no reference flight")
-    if healthy:
-        return calibrate(flight, [healthy], model)
     return Trained(model, diagnosers(model, max_ages(model, flight)), model.notes)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..aircraft import Aircraft
 from ..aircraft.identified import IdentifiedModel
 from ..core.bind import bind, default_max_age
-from ..core.errors import CannotJudge
+from ..core.errors import CannotJudge, WrongUse
 from ..core.run import run
 from ..core.types import Array, Diagnoser, Flight, Status
 from ..design.parity import calibrate_threshold
@@ -21,6 +21,7 @@ from .spans import split
 from .types import Span
 
 FALSE_ALARMS_PER_HOUR = 0.1
+MOST_FALSE_ALARMS_PER_HOUR = 60.0
 UNEQUAL = 2.5
 # High enough that no alarm, cap or recovery of the diagnoser cuts a score short while it is being measured.
 UNCUT = 1e4
@@ -41,6 +42,17 @@ def max_ages(model: IdentifiedModel, flight: Flight) -> dict[str, float]:
         n: max(default_max_age(flight, n) if n in flight.measured else 0.0, 5.0 * model.dt_s)
         for n in model.channels
     }
+
+
+def checked_rate(false_alarms_per_hour: float | None) -> float:
+    """The rate of false alarms asked for, in 1/h, 0.1 where none was; WrongUse outside (0, 60]."""
+    rate = FALSE_ALARMS_PER_HOUR if false_alarms_per_hour is None else float(false_alarms_per_hour)
+    if not 0.0 < rate <= MOST_FALSE_ALARMS_PER_HOUR:
+        raise WrongUse(
+            f"--false-alarms-per-hour {rate:g} is no rate to aim at; give a number above 0 and at most "
+            f"{MOST_FALSE_ALARMS_PER_HOUR:g} per hour (default {FALSE_ALARMS_PER_HOUR:g})"
+        )
+    return rate
 
 
 def train(
@@ -75,12 +87,18 @@ def calibrate(
 ) -> Trained:
     """Diagnosers of a model with thresholds from healthy spans of a flight.
 
+    Parity: the threshold its residuals pass false_alarms_per_hour times an hour (`calibrate_threshold`).
+    Effectiveness: the mean time between false alarms of a cumulative log-likelihood ratio grows as e^alarm (Lorden's
+    bound), so the alarm of the default rate moves by ln(default / asked); never below 1.5 times the highest score of
+    training.
+
     Raises CannotJudge where these spans look faulty to the model: a threshold above them would hide the fault.
     """
     ages = max_ages(model, flight)
     highest = max(scores(flight, spans, model), default=0.0)
     _refuse(flight, spans, highest)
-    alarm = max(effectiveness_setup.ALARM, 1.5 * highest)
+    rate = math.log(FALSE_ALARMS_PER_HOUR / checked_rate(false_alarms_per_hour))
+    alarm = max(effectiveness_setup.ALARM + rate, 1.5 * highest)
     residuals = parity_residuals(flight, spans, model)
     threshold = tuple(
         calibrate_threshold(residuals[:, i], model.dt_s, false_alarms_per_hour)
