@@ -162,6 +162,17 @@ def test_however_long_it_was_healthy_the_way_back_is_bounded(per_sample, samples
     assert per_sample * samples < 10.0 or plain[2] < 0.5
 
 
+def test_estimates_are_about_neutral_whatever_trim_the_model_is_about():
+    """Equal trims of a pair cancel in B; what is left to see is that they are taken off and put back."""
+    flight = fly(10.0)
+    about_neutral = verdict(mmae.from_design(design()), flight)[1]
+    made = design_mmae(A, B, STATES, PAIR, PAIR, SERVO, DT, TUNING, trim=(-0.0624, -0.0624))
+    about_trim = verdict(mmae.from_design(made), flight)[1]
+    np.testing.assert_allclose(about_trim.estimate, about_neutral.estimate, atol=1e-9)
+    np.testing.assert_allclose(about_trim.score, about_neutral.score, atol=1e-9)
+    assert about_trim.estimate[-1, 2] < -6 * DEG
+
+
 def test_left_and_right_are_told_apart():
     d = mmae.from_design(design())
     for surface in (0, 1):

@@ -20,11 +20,11 @@ LP, LD = -8.0, -60.0
 RATE = math.radians(120.0)
 
 
-def exact(threshold=0.1, rate=RATE):
+def exact(threshold=0.1, rate=RATE, trim=0.0, airspeed=None):
     servo = servo_coefficients(2, 50.0, 0.8, lower=-0.4, upper=0.3, rate=rate, dt_s=DT).reshape(1, -1)
     return from_linear(
         np.array([[LP]]), np.array([[LD]]), np.eye(1), dt_s=DT, commands=["command.aileron"], servo=servo,
-        delay_s=0.05, mix=np.eye(1), outputs=["p"], threshold=[threshold], bandwidth=4.0, start=np.eye(1),
+        delay_s=0.05, mix=np.eye(1), outputs=["p"], threshold=[threshold], bandwidth=4.0, start=np.eye(1), trim=[trim], airspeed=airspeed,
     )  # fmt: skip
 
 
@@ -65,6 +65,28 @@ def test_a_model_without_the_rate_limit_is_wrong_by_much_more():
     d = exact(rate=math.inf)
     v = run(d, bind(flight(), d.inputs, DT))[1]
     assert np.abs(v.residual[v.status == Status.OK]).max() > 0.15
+
+
+def test_the_model_is_about_the_trim_it_is_told():
+    """A trim that is not there shows as its steady rate: 0 = LP p + LD (delta - trim)."""
+    residual = []
+    for trim in (0.0, 0.05):
+        d = exact(trim=trim)
+        residual.append(run(d, bind(flight(), d.inputs, DT))[1].residual[-500:, 0])
+    np.testing.assert_allclose(residual[1] - residual[0], LD / LP * 0.05, rtol=1e-3)
+
+
+def test_surfaces_act_as_the_airspeed_is():
+    """At 1.2 times the reference airspeed the prediction from the same commands is 1.2 times as large."""
+    f = flight()
+    n = len(f.measured["p"].t_s)
+    f = f.with_measured(airspeed=f.measured["p"]._replace(value=np.full(n, 24.0), unit="m/s"))
+    still = f.with_measured(p=f.measured["p"]._replace(value=np.zeros(n)))
+    plain = run(exact(), bind(still, exact().inputs, DT))[1].residual[-1000:, 0]
+    d = exact(airspeed=20.0)
+    scaled = run(d, bind(still, d.inputs, DT))[1].residual[-1000:, 0]
+    np.testing.assert_allclose(scaled, 1.2 * plain, atol=1e-9)
+    assert np.abs(plain).max() > 0.5
 
 
 def test_a_stuck_surface_raises_the_alarm():

@@ -1,6 +1,11 @@
 """Campaigns: the same rows whatever the order, the processes or an interruption; drawn faults are what was drawn."""
 
 import math
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -119,6 +124,60 @@ def test_wrong_files_are_refused_by_name(tmp_path):
         c.load_campaign(path)
     with pytest.raises(WrongUse, match="nowhere"):
         c.make("aerofdi.nowhere:x", "vireo")
+    with pytest.raises(WrongUse, match=r"no function 'method_z'; it has .*method_a"):
+        c.make("aerofdi.papers.vireo_comparison.methods:method_z", "vireo")
+
+
+@pytest.mark.parametrize(
+    ("given", "instead", "said"),
+    [
+        ("chunk = 2", "chnk = 2", r"line 5: unknown key 'chnk'; known: .*chunk"),
+        ("chunk = 2", "chunk = 0", "line 5: 'chunk' must be a whole number from 1"),
+        ("first = 50, ", "", r"line 4: \[seeds\] misses 'first'"),
+        ("count = 4", 'count = "x"', "line 4: 'count' must be a whole number"),
+        ("settle_s", "setle_s", "line 6: unknown key 'setle_s' .*settle_s"),
+        ("clear_s = 5.0", "clear_s = -1.0", "line 6: 'clear_s' must be a number of seconds"),
+        ('["short.toml"]', '"short.toml"', "line 3: 'scenarios' must be a list of texts"),
+        ('A = "aerofdi', 'B = 1 # "', r"line 8: 'B' is 1"),
+    ],
+)
+def test_every_refusal_has_its_line_and_what_is_accepted(tmp_path, given, instead, said):
+    path = tmp_path / "x.toml"
+    path.write_text(TEXT.replace(given, instead, 1))
+    with pytest.raises(WrongUse, match=said):
+        c.load_campaign(path)
+
+
+def test_parts_that_no_longer_come_out_so_are_refused(small, flown, tmp_path):
+    """The parts of another threshold, as a change of the code would leave them."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    for path in flown[0]:
+        rows = [r | {"delay_s": r["delay_s"] and r["delay_s"] + 0.1} for r in c.load_rows([path])]
+        pq.write_table(pa.Table.from_pylist(rows, c._schema()), tmp_path / path.name)
+    with pytest.raises(WrongUse, match=r"seed 50 comes out otherwise .* another folder"):
+        c.run_campaign(small, tmp_path, workers=1)
+
+
+def test_an_interrupt_finishes_what_is_under_way(small, flown, tmp_path):
+    """Ctrl-C as a terminal sends it, to the whole group of processes, when the first part has come."""
+    code = "import sys; from aerofdi.evaluate.__main__ import main; sys.exit(main())"
+    many = small.path.with_name("many.toml")
+    many.write_text(TEXT.replace("count = 4", "count = 400"))
+    command = [sys.executable, "-c", code, str(many), "-o", str(tmp_path), "--workers", "2"]
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("part-*")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    out, error = process.communicate(timeout=120)
+    assert process.returncode == 130 and "the same command" in error and "Traceback" not in error + out
+    assert not list(tmp_path.glob(".*")) and 2 <= len(list(tmp_path.glob("part-*"))) < 200
+    first = c.load_rows(sorted(tmp_path.glob("part-*"))[:1])
+    assert same(first, c.load_rows(flown[0][:1]))
 
 
 def test_a_draw_depends_on_the_seed_alone(small):
@@ -133,6 +192,14 @@ def test_a_draw_depends_on_the_seed_alone(small):
     speeds = np.array([d.wind.speed for d in drawn])
     assert 0 <= speeds.min() < 0.1 and 4.9 < speeds.max() <= 5
     assert all(d.wind.turbulence.wind_20ft == d.wind.speed for d in drawn)
+
+
+def test_two_drawn_faults_are_drawn_apart(small):
+    two = small.draw._replace(faults=small.draw.faults * 2)
+    scenario = load_scenario(small.path.parent / "short.toml")
+    drawn = np.array([[f.value for f in apply(two, scenario, s).faults] for s in range(400)])
+    # Independent: the correlation of 400 pairs stays within four standard errors of none.
+    assert abs(np.corrcoef(drawn.T)[0, 1]) < 4 / math.sqrt(400)
 
 
 def test_an_empty_draw_changes_nothing(small):

@@ -12,15 +12,18 @@
 
 `[draw]` varies the scenario from seed to seed: see `evaluate.draws`. Every flight is flown once and judged by
 every diagnoser. The result depends on the seeds alone, not on the number of processes, the order, or whether
-the campaign was interrupted: parts that are there are kept, the rest is flown.
+the campaign was interrupted: parts that are there are kept, the rest is flown. Before parts are kept, one flight of
+theirs is flown again; where it comes out otherwise (the code or a file has changed since) they are refused.
 """
 
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 import math
 import os
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from importlib import import_module
@@ -33,11 +36,13 @@ from .. import __version__
 from ..aircraft.lines import read_toml
 from ..core import Diagnoser, Flight, MissingExtra, WrongUse, bind, run
 from ..scenarios import load_scenario
+from ..scenarios.reader import Table
 from .draws import Draw, apply, read_draw
 from .score import Detection, Fault, Score, score
 from .truth import faults_of, value_at
 
-KEYS = {"name", "title", "aircraft", "scenarios", "seeds", "chunk", "score", "diagnosers", "draw"}
+KEYS = ("name", "title", "aircraft", "scenarios", "seeds", "chunk", "score", "diagnosers", "draw")
+SCORE_KEYS = tuple(n for n, p in inspect.signature(score).parameters.items() if p.kind is p.KEYWORD_ONLY)
 Progress = Callable[[str, float], None]
 
 
@@ -65,23 +70,55 @@ class Unit(NamedTuple):
     seeds: tuple[int, ...]
 
 
+def _words(t: Table, key: str, default: list[str] | None = None) -> tuple[str, ...]:
+    """A list of texts, one at least."""
+    value = t.values.pop(key, default)
+    if not isinstance(value, list) or not value or not all(isinstance(x, str) for x in value):
+        raise t.refuse(key, f"{key!r} must be a list of texts, as {key} = ['a', 'b'], got {value!r}")
+    return tuple(value)
+
+
 def load_campaign(path: str | Path, seeds: int | None = None) -> Campaign:
-    """Read a campaign; seeds: fly only this many (the first ones)."""
+    """Read a campaign; seeds: fly only this many (the first ones). Refusals name file, line and what is accepted."""
     path = Path(path)
     table, lines = read_toml(path)
-    unknown = sorted(set(table) - KEYS)
-    missing = sorted({"name", "scenarios", "seeds", "diagnosers"} - set(table))
-    if unknown or missing:
-        said = [f"unknown {', '.join(unknown)}"] if unknown else []
-        said += [f"no {', '.join(missing)}"] if missing else []
-        raise WrongUse(f"{path}: the campaign has {' and '.join(said)}; it takes {', '.join(sorted(KEYS))}")
-    count = int(table["seeds"]["count"])
+    t = Table(path, lines, table)
+    t.known += KEYS
+    for key in (k for k in table if k not in KEYS):
+        raise t.refuse(key, f"unknown key {key!r}; known: {', '.join(KEYS)}")
+    name, count = t.word("name"), t.table("seeds")
+    first, number = count.integer("first"), count.integer("count", low=1)
+    count.end()
+    how = t.table("score")
+    times = {k: how.values.pop(k) for k in SCORE_KEYS if k in how.values}
+    how.known += SCORE_KEYS
+    how.end()
+    for k, x in times.items():
+        if isinstance(x, bool) or not isinstance(x, int | float) or not x >= 0:
+            raise how.refuse(k, f"{k!r} must be a number of seconds from 0, got {x!r}")
+    panel = t.table("diagnosers")
+    makers = {label: panel.word(label) for label in panel.names()}
+    if not makers:
+        raise t.refuse("", "[diagnosers] needs at least one: label = 'package.module:function'")
+    if seeds is not None and seeds < 1:
+        raise WrongUse(f"{seeds} seeds were asked for; give 1 or more")
+    title, chunk = t.word("title", default=name), t.integer("chunk", 20, low=1)
+    aircraft = _words(t, "aircraft", [""])
+    scenarios = _words(t, "scenarios")
+    draw = read_draw(path, lines, t.values.pop("draw", {}))
     return Campaign(
-        table["name"], table.get("title", table["name"]), tuple(table.get("aircraft", [""])),
-        tuple(table["scenarios"]), int(table["seeds"]["first"]), min(seeds or count, count),
-        int(table.get("chunk", 20)), dict(table.get("score", {})), dict(table["diagnosers"]),
-        read_draw(path, lines, table.get("draw", {})), path,
-    )  # fmt: skip
+        name,
+        title,
+        aircraft,
+        scenarios,
+        first,
+        min(seeds or number, number),
+        chunk,
+        times,
+        makers,
+        draw,
+        path,
+    )
 
 
 def units(c: Campaign) -> list[Unit]:
@@ -92,7 +129,7 @@ def units(c: Campaign) -> list[Unit]:
 
 
 def _part(c: Campaign, unit: Unit, out: Path) -> Path:
-    """The file of a part; its name changes with everything its content depends on."""
+    """The file of a part; its name changes with the campaign, the scenario and the version of this package."""
     what = [__version__, c.score, c.diagnosers, c.draw, *unit, _scenario_text(c, unit.scenario)]
     digest = hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()[:16]
     return out / f"part-{unit.seeds[0]:08d}-{digest}.parquet"
@@ -108,15 +145,31 @@ def _scenario_text(c: Campaign, scenario: str) -> str:
     return path.read_text(encoding="utf-8") if path.exists() else scenario
 
 
-def make(maker: str, aircraft: str) -> Diagnoser:
-    """ "module:function" -> function(aircraft)."""
+def maker_of(maker: str) -> Callable[[str], Diagnoser]:
+    """ "module:function" -> that function."""
     module, _, function = maker.partition(":")
     try:
-        return getattr(import_module(module), function)(aircraft)
-    except (ImportError, AttributeError) as error:
+        home = import_module(module)
+    except (ImportError, ValueError) as error:
         raise WrongUse(
             f"diagnoser {maker!r} cannot be made: {error}; give 'package.module:function' of an aircraft name"
         ) from error
+    found = getattr(home, function, None)
+    if not callable(found):
+        own = [
+            n
+            for n, x in vars(home).items()
+            if inspect.isfunction(x) and x.__module__ == module and n[0] != "_"
+        ]
+        raise WrongUse(
+            f"diagnoser {maker!r} cannot be made: {module} has no function {function!r}; it has {', '.join(own)}"
+        )
+    return found
+
+
+def make(maker: str, aircraft: str) -> Diagnoser:
+    """ "module:function" -> function(aircraft)."""
+    return maker_of(maker)(aircraft)
 
 
 def rows(
@@ -155,30 +208,53 @@ def _schema() -> Any:
     )
 
 
+def judged(c: Campaign, unit: Unit) -> Iterator[dict[str, Any]]:
+    """The rows of a part, flight after flight."""
+    from ..simulate import fly
+
+    scenario = load_scenario(_scenario_path(c, unit.scenario))
+    scenario = replace(scenario, aircraft=unit.aircraft or scenario.aircraft)
+    panel = {label: make(maker, scenario.aircraft) for label, maker in c.diagnosers.items()}
+    for seed in unit.seeds:
+        flight = fly(apply(c.draw, scenario, seed), seed=seed)
+        for label, d in panel.items():
+            for row in rows(flight, d, label, faults_of(flight), c.score):
+                yield {"aircraft": scenario.aircraft, "scenario": unit.scenario} | row
+
+
 def fly_part(c: Campaign, unit: Unit, out: Path) -> Path:
     """Fly and judge one part; the file is written beside and renamed, so it is whole or not there."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from ..simulate import fly
-
     path = _part(c, unit, out)
-    scenario = load_scenario(_scenario_path(c, unit.scenario))
-    scenario = replace(scenario, aircraft=unit.aircraft or scenario.aircraft)
-    aircraft = scenario.aircraft
-    panel = {label: make(maker, aircraft) for label, maker in c.diagnosers.items()}
-    found: list[dict] = []
-    for seed in unit.seeds:
-        flight = fly(apply(c.draw, scenario, seed), seed=seed)
-        for label, d in panel.items():
-            found += rows(flight, d, label, faults_of(flight), c.score)
-    table = pa.Table.from_pylist(
-        [{"aircraft": aircraft, "scenario": unit.scenario} | r for r in found], _schema()
-    )
+    table = pa.Table.from_pylist(list(judged(c, unit)), _schema())
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     pq.write_table(table, beside)
     beside.replace(path)
     return path
+
+
+def _alike(a: Any, b: Any) -> bool:
+    """Equal, numbers to a millionth: another machine's last digits are no other result."""
+    if isinstance(a, float) and isinstance(b, float):
+        return (math.isnan(a) and math.isnan(b)) or a == b or abs(a - b) <= 1e-6 * max(abs(a), abs(b), 1.0)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(map(_alike, a, b))
+    return bool(a == b)
+
+
+def _check_kept(c: Campaign, unit: Unit, path: Path) -> None:
+    """Refuse the parts that are there where the first flight of one of them comes out otherwise now."""
+    import pyarrow as pa
+
+    stored = [r for r in load_rows([path]) if r["seed"] == unit.seeds[0]]
+    now = pa.Table.from_pylist(list(judged(c, unit._replace(seeds=unit.seeds[:1]))), _schema()).to_pylist()
+    if len(stored) != len(now) or not all(_alike(a[k], b[k]) for a, b in zip(stored, now) for k in b):
+        raise WrongUse(
+            f"{path}: seed {unit.seeds[0]} comes out otherwise than stored there: code, aircraft or diagnosers have "
+            f"changed since; give another folder, or delete the parts in this one"
+        )
 
 
 def run_campaign(
@@ -188,25 +264,42 @@ def run_campaign(
     order.
 
     progress(text, share) is called as parts finish. Interrupted, it may be started again with the same
-    arguments.
+    arguments: parts under way are finished and kept.
     """
+    for maker in c.diagnosers.values():
+        maker_of(maker)
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     say = progress or (lambda text, share: None)
     todo = units(c)
     paths = [_part(c, u, out) for u in todo]
     missing = [u for u, p in zip(todo, paths) if not p.exists()]
+    kept = [(u, p) for u, p in zip(todo, paths) if p.exists()]
+    if kept:
+        _check_kept(c, *kept[0])
     flights = sum(len(u.seeds) for u in todo)
     done = flights - sum(len(u.seeds) for u in missing)
     say(f"{c.name}: {done} of {flights} flights", done / max(flights, 1))
-    for unit in _finished(c, missing, out, workers or os.cpu_count() or 1):
+
+    def stopping() -> None:
+        say(f"{c.name}: stopping, {done} of {flights} flights; finishing those under way", done / flights)
+
+    for unit in _finished(c, missing, out, workers or os.cpu_count() or 1, stopping):
         done += len(unit.seeds)
         say(f"{c.name}: {done} of {flights} flights", done / flights)
     return paths
 
 
-def _finished(c: Campaign, todo: list[Unit], out: Path, workers: int) -> Iterator[Unit]:
-    """Units as they finish. One worker flies here; more fly in processes of their own."""
+def _deaf() -> None:
+    """In a worker: Ctrl-C is for the parent, which lets the part under way be finished."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _finished(
+    c: Campaign, todo: list[Unit], out: Path, workers: int, stopping: Callable[[], None]
+) -> Iterator[Unit]:
+    """Units as they finish. One worker flies here; more fly in processes of their own, and stopping() is called
+    before the parts under way are waited for."""
     if workers == 1 or len(todo) <= 1:
         for unit in todo:
             fly_part(c, unit, out)
@@ -215,14 +308,15 @@ def _finished(c: Campaign, todo: list[Unit], out: Path, workers: int) -> Iterato
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from multiprocessing import get_context
 
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_deaf) as pool:
         waiting = {pool.submit(fly_part, c, unit, out): unit for unit in todo}
         try:
             for future in as_completed(waiting):
                 future.result()
                 yield waiting[future]
         except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
+            stopping()
+            pool.shutdown(wait=True, cancel_futures=True)
             raise
 
 
