@@ -31,7 +31,7 @@ def filtered(model, condition, deflection, n=3000):
     rad.
     """
     at_trim = np.array(condition.surfaces[:5])
-    K, axes, out = np.array([0.0, 0, 0, 1, 0, 1, 0, 0, 1]), np.zeros((3, 4)), np.zeros((n, 3))
+    K, axes, out = np.array([0.0, 0, 0, 1, 0, 1, 0, 0, 1]), np.zeros((3, 5)), np.zeros((n, 3))
     for k in range(n):
         z = np.concatenate([at_trim + deflection(k), np.zeros(5)])
         accel = [
@@ -75,7 +75,7 @@ def test_steady_and_excited_residuals_of_a_stuck_surface(model, surface):
 def test_filter_gain_is_where_the_covariance_settles(model):
     m, condition = model
     L, _ = tune.filter_gain(m, condition.airspeed)
-    K, axes = np.array([0.0, 0, 0, 1, 0, 1, 0, 0, 1]), np.zeros((3, 4))
+    K, axes = np.array([0.0, 0, 0, 1, 0, 1, 0, 0, 1]), np.zeros((3, 5))
     z = np.concatenate([condition.surfaces[:5], np.zeros(5)])
     accel = [input_acceleration(m, condition.airspeed, condition.alpha, 0.0, z, 0, 5, i) for i in range(3)]
     for _ in range(2000):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from aerofdi.aircraft import load_aircraft
 from aerofdi.core import MissingChannel, Request, Status, WrongUse, bind, check_diagnoser, empty_verdict, run
-from aerofdi.design.smac import design_smac, level_flight
+from aerofdi.design.smac import design_smac, dryden, level_flight
 from aerofdi.diagnosers import smac, smac_types
 from aerofdi.diagnosers.smac_isolator import HALT, SPENT, TEST, TRACK, WATCH
 from aerofdi.dynamics.faults import Fault
@@ -93,6 +93,26 @@ def test_stuck_surface_is_found_measured_and_forgotten_when_it_recovers(stuck):
     assert abs(angle - 2.0 * DEG) < 4.0 * std < 2.0 * DEG
     assert not on[t > 24.5].any() and not v.detected[t > 27.0].any()
     assert (v.request[on[:, 0]] == Request.HOLD_LEVEL).all() and v.request[100] == Request.NONE
+
+
+def test_gusts_start_tests_but_raise_no_alarm_and_accuse_nobody():
+    gusty = {
+        "duration_s": 70.0,
+        "faults": (),
+        "wind": dryden(trim(load_aircraft("ducard")).altitude, 2.5),
+        "seed": 5,
+    }
+    scenario = level_flight(load_aircraft("ducard"), trim(load_aircraft("ducard")), **gusty)
+    verdicts = {}
+    for follow in (False, True):
+        d = smac.from_design(
+            design_smac(load_aircraft("ducard"), {"torque_scale": 0.75, "follow_wind": follow})
+        )
+        verdicts[follow] = fly_with(scenario, [d]).verdicts[0].verdict
+    fixed, following = verdicts[False], verdicts[True]
+    assert fixed.detected.sum() > 100, "the gusts are far above thresholds made in still air"
+    assert following.excitation.any() and (following.threshold[-1, :2] > 2.0 * fixed.threshold[-1, :2]).all()
+    assert not following.detected.any() and not following.active[:, 1:].any()
 
 
 def test_two_stuck_surfaces_are_both_found(fly):

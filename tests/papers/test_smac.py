@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy import linalg
 
 from aerofdi.aircraft import hash as aircraft_hash
 from aerofdi.aircraft import load_aircraft
 from aerofdi.diagnosers import smac_ekf
 from aerofdi.papers import reproduce
-from aerofdi.papers.smac import beyond, load, methods
+from aerofdi.papers.smac import beyond, bound, load, methods
 from aerofdi.papers.smac.flights import flown
 
 
@@ -54,6 +55,35 @@ def test_tuning_rules_and_the_thresholds_no_rudder_can_reach():
     found, _ = claims("tuning")
     assert found["lambda_max"]["status"] == found["p_threshold"]["status"] == "reproduced"
     assert found["r_threshold"]["status"] == "not_reproduced" and "60 deg" in found["r_threshold"]["reason"]
+
+
+def test_snr_of_innovations_is_that_of_the_whole_record():
+    """Against the Gaussian likelihood of a long stationary record, fault at its end."""
+    A, B = np.array([[-3.0, -4.0], [1.0, -0.5]]), np.array([[2.0, 1.0], [0.0, 0.3]])
+    C, Q, R = np.array([[1.0, 0.5]]), np.array([[0.4]]), np.array([[0.02]])
+    step = linalg.expm(np.block([[A, B], [np.zeros((2, 4))]]) * bound.DT_S)
+    F, G, W = step[:2, :2], step[:2, 2], step[:2, 3:]
+    gap = 0.1 * np.linspace(0.5, 1.0, 40)
+    before, n = 400, 440
+    P = linalg.solve_discrete_lyapunov(F, W @ Q @ W.T)
+    powers = [np.eye(2)]
+    for _ in range(n):
+        powers.append(F @ powers[-1])
+    covariance = linalg.toeplitz([(C @ powers[k] @ P @ C.T).item() for k in range(n)]) + R[0, 0] * np.eye(n)
+    mean, x = np.zeros(n), np.zeros(2)
+    for k, d in enumerate(gap):
+        mean[before + k] = (C @ x).item()
+        x = F @ x + G * d
+    whole = np.sqrt(mean @ np.linalg.solve(covariance, mean))
+    assert whole > 0.5
+    assert bound.innovations_snr(A, B, C, Q, R, gap) == pytest.approx(whole, rel=1e-3)
+
+
+def test_no_three_state_filter_sees_the_rudder_in_time_but_every_other_surface():
+    found = bound.best_possible()
+    assert found["rudder"]["noticed_three_states"] < 0.5 < found["rudder"]["noticed_whole_model"]
+    assert min(v["noticed_three_states"] for s, v in found.items() if s != "rudder") > 0.99
+    assert all(v["snr_three_states"] < v["snr_whole_model"] for v in found.values())
 
 
 def test_bank_of_filters_cannot_tell_the_ailerons_apart():

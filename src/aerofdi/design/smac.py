@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -180,14 +180,14 @@ def design_smac(
         ]
     )
     probe = _probe(surfaces, axis, answers, dead, spec)
-    draft = _params(model, sensitivity, probe, np.full(3, np.inf), np.zeros(3), 0.0, aircraft, spec)
+    draft = _params(model, sensitivity, probe, np.full(3, np.inf), STILL, aircraft, spec)
     noise = measure_noise(aircraft, condition, surfaces, draft, spec, say)
-    wind = _wind_law(noise) if spec.follow_wind else np.zeros(3)
+    wind = _wind_law(noise) if spec.follow_wind else STILL
     windows, thresholds = _thresholds(model, V, sensitivity, axis, noise, spec)
     probe.surface[:, t.ANGLE_STD] = [
         noise.slow[a] / abs(sensitivity[a, i]) for i, a in enumerate(axis)
     ]  # fmt: skip
-    params = _params(model, sensitivity, probe, thresholds, wind, noise.floor, aircraft, spec)
+    params = _params(model, sensitivity, probe, thresholds, wind, aircraft, spec)
     certificate = _certificate(surfaces, axis, answers, probe, noise, windows, thresholds, sensitivity, wind)
     table = asdict(spec) | {"surfaces": list(surfaces), "groups": list(groups), "aircraft": aircraft.name}
     table |= {"airspeed": V, "axis": [] if spec.axis is None else list(spec.axis)}
@@ -196,7 +196,7 @@ def design_smac(
 
 
 def _params(
-    model: RateModel, sensitivity: Array, probe: t.Probe, axis: Array, wind: Array, floor: float,
+    model: RateModel, sensitivity: Array, probe: t.Probe, axis: Array, wind: Wind,
     aircraft: Aircraft, spec: Spec,
 ) -> t.Params:  # fmt: skip
     dt, rad = spec.dt_s, math.radians
@@ -204,9 +204,9 @@ def _params(
     silent = not np.isfinite(axis).any()
     detector = t.Detector(
         RULES[spec.rule], tune.share(spec.f1_hz, dt), tune.share(spec.f2_hz, dt),
-        math.inf if silent else spec.gamma2 if spec.rule == "sum" else 1.0, spec.release, floor, spec.wind_cap,
+        math.inf if silent else spec.gamma2 if spec.rule == "sum" else 1.0, spec.release, wind.floor, spec.wind_cap,
         tune.share(0.5, dt), tune.share(0.05, dt), tune.share(0.016, dt), tune.share(0.15, dt),
-        np.asarray(axis, float), wind, sensitivity,
+        tune.share(0.006, dt), np.asarray(axis, float), wind.gain, wind.quiet, sensitivity,
     )  # fmt: skip
     budget = t.Budget(spec.seconds, rad(spec.bank_deg), rad(spec.pitch_deg), spec.altitude_m, spec.track_m)
     ages = np.full(t.FIRST + 2 * len(probe.surface) + 1, spec.max_age_s)
@@ -216,14 +216,24 @@ def _params(
     return t.Params(vanes, model, detector, probe, _timing(spec), budget, ages)
 
 
-def _wind_law(noise: Noise) -> Array:
-    """wind_gain (3,): each threshold grows as sqrt(1 + gain^2 (activity - floor)), as its residual did in
-    the gusts.
-    """
+class Wind(NamedTuple):
+    """How thresholds follow the wind; see `smac_types.Detector`. gain, quiet (3,), floor (rad2)."""
+
+    gain: Array
+    quiet: Array
+    floor: float
+
+
+STILL = Wind(np.zeros(3), np.full(3, np.inf), 0.0)
+
+
+def _wind_law(noise: Noise) -> Wind:
+    """Each threshold grows as its residual did in the gusts of the training flight."""
     more = noise.activity - noise.floor
-    if more <= 0:
-        return np.zeros(3)
-    return np.sqrt(np.maximum((noise.gusty / noise.level) ** 2 - 1.0, 0.0) / more)
+    gain = (
+        np.sqrt(np.maximum((noise.gusty / noise.level) ** 2 - 1.0, 0.0) / more) if more > 0 else np.zeros(3)
+    )
+    return Wind(gain, noise.level, noise.floor)
 
 
 def _thresholds(
@@ -252,7 +262,7 @@ def _thresholds(
 
 def _certificate(
     surfaces: tuple[str, ...], axis: Array, answers: Answers, probe: t.Probe, noise: Noise,
-    windows: dict[int, tuple[float, float]], thresholds: Array, sensitivity: Array, wind: Array,
+    windows: dict[int, tuple[float, float]], thresholds: Array, sensitivity: Array, wind: Wind,
 ) -> dict[str, Any]:  # fmt: skip
     """Plain numbers: where every threshold comes from and what it can find."""
     per_surface = {}
@@ -282,6 +292,6 @@ def _certificate(
     return {
         "surfaces": per_surface,
         "axes": per_axis,
-        "wind_gain": wind.tolist(),
+        "wind_gain": wind.gain.tolist(),
         "wind_floor_rad2": noise.floor,
     }

@@ -29,7 +29,7 @@ class Spec:
     lambda_share: Lambda_thresh as a share of 2A/pi. kappa: answering share, None: measured. torque_scale:
     of the model's torques. r_w, r_v: noise of the filter. odds: log-likelihood ratio that decides a test; a
     wrong decision has a probability below exp(-odds) if the noise is as heard. follow_wind: thresholds grow
-    with the measured gusts, up to wind_cap times. wind: standard deviation of the gusts of the training
+    with the measured gusts, those that start a test up to wind_cap times. wind: standard deviation of the gusts of the training
     flights, m/s. seconds, bank_deg, pitch_deg, altitude_m, track_m: excitation budget. sweep_every_s: test
     all surfaces this often without suspicion, 0: never. Times of the isolator in s.
     """

@@ -25,7 +25,7 @@ leaves no residual in straight flight; only a sweep (`sweep_every_s`) finds it. 
 which look like faults of surfaces to the detector.
 
 Source: paper "smac". Beyond it: the synchronous evaluator, tests of several surfaces at once, thresholds
-that follow the wind, estimates, budgets.
+that follow the wind (with a suspicion below the alarm that starts tests), estimates, budgets.
 """
 
 from __future__ import annotations
@@ -69,10 +69,12 @@ from .smac_types import (
     INDEX,
     LABEL,
     LEVEL,
+    LISTENED,
     LOW,
     MEAN,
     MODE,
     NOISE,
+    POWER,
     R_SIN,
     READY,
     RESIDUAL,
@@ -80,6 +82,8 @@ from .smac_types import (
     SIGNAL_UNITS,
     SIGNALS,
     SLOW,
+    SUSPECT,
+    TEST_SCALE,
     THETA,
     TRIM,
     WIND_AF,
@@ -153,14 +157,24 @@ def _bad_sample(s: State) -> None:
 
 @inline
 def follow_wind(p: Params, s: State, z: Array) -> None:
-    """How far the wind raises the threshold of each axis: 1 in still air or without vanes.
+    """How far the wind raises the threshold of each axis: 1 in still air.
 
-    Activity: mean square of both vanes between f_slow and f_fast, less that of their own noise.
+    The larger of what the vanes and what the residuals of the last while say. The vanes hear a gust as it
+    begins; the residuals tell more exactly, later, and where there are no vanes.
     """
-    d, misc = p.detector, s.misc
-    if p.vanes == 0:
-        misc[SCALE], misc[SCALE + 1], misc[SCALE + 2] = 1.0, 1.0, 1.0
-        return
+    d, axes, misc = p.detector, s.axes, s.misc
+    more = _vane_activity(d, s, z) if p.vanes > 0 else 0.0
+    for i in range(3):
+        own = sqrt(float(axes[i, POWER])) / float(d.quiet[i])
+        vanes = sqrt(1.0 + d.wind_gain[i] * d.wind_gain[i] * more)
+        misc[SCALE + i] = maximum(own, vanes)
+        misc[TEST_SCALE + i] = minimum(misc[SCALE + i], d.wind_cap)
+
+
+@inline
+def _vane_activity(d: Detector, s: State, z: Array) -> float:
+    """Mean square of both vanes between f_slow and f_fast, less that of their own noise, rad2."""
+    misc = s.misc
     alpha, beta = float(z[ALPHA]), float(z[BETA])
     fast_a, slow_a = float(misc[WIND_AF]), float(misc[WIND_AS])
     fast_b, slow_b = float(misc[WIND_BF]), float(misc[WIND_BS])
@@ -176,9 +190,18 @@ def follow_wind(p: Params, s: State, z: Array) -> None:
         power += maximum(d.a_wind, minimum(1.0, 1.0 / late)) * (now - power)
     misc[WIND_AF], misc[WIND_AS], misc[WIND_BF], misc[WIND_BS] = fast_a, slow_a, fast_b, slow_b
     misc[WIND_POWER] = power
-    more = maximum(power - d.wind_floor, 0.0)
+    return maximum(power - d.wind_floor, 0.0)
+
+
+@inline
+def _heed(d: Detector, s: State) -> None:
+    """Without excitation or suspicion: the mean square of each filtered residual, first of all, later of the
+    last while.
+    """
+    share = maximum(d.a_level, 1.0 / (1.0 + int(s.clock[LISTENED])))
     for i in range(3):
-        misc[SCALE + i] = minimum(sqrt(1.0 + d.wind_gain[i] * d.wind_gain[i] * more), d.wind_cap)
+        level = float(s.axes[i, LEVEL])
+        s.axes[i, POWER] += share * (level * level - float(s.axes[i, POWER]))
 
 
 @inline
@@ -198,9 +221,12 @@ def residuals(p: Params, s: State, z: Array) -> None:
 def detect(d: Detector, s: State) -> None:
     """Section 3.2: LP1, (5), LP2, threshold with release; or each axis through LP1 and LP2 against its own
     threshold.
+
+    Twice: ThereIsaFault, whose thresholds follow the wind all the way, and the suspicion that starts a test,
+    whose thresholds follow it to wind_cap. In wind a test finds what the residual cannot show.
     """
     axes, threshold, misc = s.axes, d.axis, s.misc
-    total, worst = 0.0, 0.0
+    total, worst, suspect = 0.0, 0.0, 0.0
     for i in range(3):
         low, level = float(axes[i, LOW]), float(axes[i, LEVEL])
         low += d.a1 * (float(axes[i, RESIDUAL]) - low)
@@ -208,12 +234,14 @@ def detect(d: Detector, s: State) -> None:
         axes[i, LOW], axes[i, LEVEL] = low, level
         total += abs(low)
         worst = maximum(worst, abs(level) / (float(threshold[i]) * float(misc[SCALE + i])))
+        suspect = maximum(suspect, abs(level) / (float(threshold[i]) * float(misc[TEST_SCALE + i])))
     g = float(misc[GAMMA2])
     g = worst if d.rule == AXES else g + d.a2 * (total - g)
     misc[GAMMA2] = g
-    needed = gamma_threshold(d, s)
-    needed = d.release * needed if s.clock[FLAG] > 0 else needed
-    s.clock[FLAG] = 1 if g > needed else 0
+    if d.rule != AXES:
+        worst, suspect = g / gamma_threshold(d, s, SCALE), g / gamma_threshold(d, s, TEST_SCALE)
+    s.clock[FLAG] = 1 if worst > (d.release if s.clock[FLAG] > 0 else 1.0) else 0
+    s.clock[SUSPECT] = 1 if suspect > (d.release if s.clock[SUSPECT] > 0 else 1.0) else 0
 
 
 @inline
@@ -268,8 +296,9 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
         evaluate_health(p, s)
         isolate(p, s, z)
     else:
-        clock[FLAG] = 0
-    if clock[CALM] > p.probe.window and (clock[FLAG] == 0 or clock[MODE] == REST):
+        clock[FLAG], clock[SUSPECT] = 0, 0
+    if clock[CALM] > p.probe.window and (clock[SUSPECT] == 0 or clock[MODE] == REST):
+        _heed(p.detector, s)
         listen(p.probe, s, p.detector.a_wind)
     clock[CALM] += 1
     clock[INDEX] += 1

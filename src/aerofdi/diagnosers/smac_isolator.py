@@ -2,11 +2,11 @@
 
 | mode  | does                  | goes to | when                                                     |
 |-------|-----------------------|---------|----------------------------------------------------------|
-| WATCH | nothing               | TEST    | ThereIsaFault, or a sweep is due (`sweep_every`)         |
+| WATCH | nothing               | TEST    | suspicion, or a sweep is due (`sweep_every`)             |
 | TEST  | excites the surfaces  | TEST    | all of the slot decided, or `test_max`: the next slot    |
 |       | of one slot (and the  | TRACK   | the round is over and a surface is declared              |
 |       | declared, if apart)   | REST    | the round is over and none is; or the slot is decided,   |
-|       |                       |         | none is, ThereIsaFault has fallen, and it is no sweep    |
+|       |                       |         | none is, the suspicion has fallen, and it is no sweep    |
 | TRACK | excites the declared  | TEST    | another axis shows a residual (after `rest`), or         |
 |       | surfaces              |         | `retest`: its twins again                                |
 |       |                       | REST    | every declared surface answers again                     |
@@ -15,7 +15,10 @@
 |       | OUT_OF_ENVELOPE       |         | TRACK at once                                            |
 | SPENT | nothing; labels stay, | WATCH   | `event.reset` only; entered when the seconds of          |
 |       | fall after `settle`   |         | excitation are used up                                   |
-|       | without a flag        |         |                                                          |
+|       | without suspicion     |         |                                                          |
+
+Suspicion is ThereIsaFault where thresholds are fixed; where they follow the wind it follows them only to
+`wind_cap` (see `smac.detect`).
 
 A decision needs `test_min` samples of excitation and evidence beyond `odds` (see `smac_health`): for "does
 not answer" the surface is declared, for "sound" it is acquitted. The evidence is weighed with the noise
@@ -45,7 +48,6 @@ from .smac_types import (
     DRIFT,
     EFFORT,
     EVIDENCE,
-    FLAG,
     FOREIGN,
     HEARD,
     HOME_ALTITUDE,
@@ -58,11 +60,12 @@ from .smac_types import (
     PHI,
     PSI,
     ROUND,
-    SCALE,
     SINCE,
     SLOT,
+    SUSPECT,
     SWEEP,
     SWEEP_AGE,
+    TEST_SCALE,
     THETA,
     Ints,
     Params,
@@ -137,7 +140,7 @@ def _axis_ratio(p: Params, s: State, axis: int) -> float:
     for i in range(len(s.count)):
         if s.count[i, LABEL] > 0:
             rest -= p.detector.sensitivity[axis, i] * s.surface[i, DELTA]
-    return abs(rest) / (p.detector.axis[axis] * s.misc[SCALE + axis])
+    return abs(rest) / (p.detector.axis[axis] * s.misc[TEST_SCALE + axis])
 
 
 @inline
@@ -193,8 +196,8 @@ def _advance_round(p: Params, s: State) -> None:
 @lean
 def _watch(p: Params, s: State, z: Array) -> None:
     due = p.timing.sweep_every > 0 and s.clock[SWEEP_AGE] >= p.timing.sweep_every
-    if s.clock[FLAG] > 0 or due:
-        s.clock[SWEEP] = 1 if due and s.clock[FLAG] == 0 else 0
+    if s.clock[SUSPECT] > 0 or due:
+        s.clock[SWEEP] = 1 if due and s.clock[SUSPECT] == 0 else 0
         s.count[:, ROUND] = UNTESTED
         go_home(s, z)
         _advance_round(p, s)
@@ -237,7 +240,7 @@ def _test(p: Params, s: State) -> None:
                 s.count[i, ROUND] = UNDECIDED
             pending += 1 if s.count[i, ROUND] == UNTESTED else 0
     if pending == 0:
-        if s.clock[FLAG] == 0 and s.clock[SWEEP] == 0 and not labelled(s):
+        if s.clock[SUSPECT] == 0 and s.clock[SWEEP] == 0 and not labelled(s):
             enter(s, REST)
         else:
             _advance_round(p, s)
@@ -313,7 +316,7 @@ def _wait(p: Params, s: State, z: Array, mode: int) -> None:
             go_home(s, z)
             enter(s, REST)
     elif mode == SPENT:
-        if s.clock[FLAG] > 0:
+        if s.clock[SUSPECT] > 0:
             s.clock[SINCE] = 0
         elif s.clock[SINCE] >= p.timing.settle:
             s.count[:, LABEL] = 0

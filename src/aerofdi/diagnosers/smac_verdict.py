@@ -34,10 +34,10 @@ HOLD_LEVEL = int(Request.HOLD_LEVEL)
 
 
 @inline
-def gamma_threshold(d: Detector, s: State) -> float:
-    """Gamma2_thresh as the wind has it: AXES scales each axis itself, SUM takes their mean."""
+def gamma_threshold(d: Detector, s: State, scale: int) -> float:
+    """Gamma2_thresh as the wind has it: AXES scales each axis itself, SUM takes the mean of their scales."""
     m = s.misc
-    return d.threshold if d.rule == AXES else d.threshold * (m[SCALE] + m[SCALE + 1] + m[SCALE + 2]) / 3.0
+    return d.threshold if d.rule == AXES else d.threshold * (m[scale] + m[scale + 1] + m[scale + 2]) / 3.0
 
 
 @inline
@@ -100,7 +100,7 @@ def say(p: Params, s: State, status: int, out: Verdict, k: int) -> None:
         residual[k, i] = math.nan if bad else s.axes[i, LEVEL]
         threshold[k, i] = p.detector.axis[i] * s.misc[SCALE + i]
     residual[k, 3] = math.nan if bad else s.misc[GAMMA2]
-    threshold[k, 3] = gamma_threshold(p.detector, s)
+    threshold[k, 3] = gamma_threshold(p.detector, s, SCALE)
     busy = s.clock[MODE] in (TEST, TRACK)
     out.request[k] = HOLD_LEVEL if judging and busy else 0
     out.status[k] = status
