@@ -56,7 +56,28 @@ def mmae():
     return methods.method_c(), vireo()
 
 
-TRACES = {"effectiveness": effectiveness, "parity": parity, "lpv_observer": lpv_observer, "mmae": mmae}
+def smac():
+    """The right elevator stuck at 2 deg from 15 to 25 s, SMAC on board."""
+    from aerofdi.aircraft import load_aircraft
+    from aerofdi.design.smac import level_flight
+    from aerofdi.dynamics.faults import Fault
+    from aerofdi.dynamics.trim import trim
+    from aerofdi.papers.smac import methods
+    from aerofdi.simulate import fly_with
+
+    aircraft = load_aircraft(methods.AIRCRAFT)
+    fault = Fault("elevator_right", "stuck", 15.0, 25.0, 0.035, "trim")
+    d = methods.diagnoser("together")
+    return d, fly_with(level_flight(aircraft, trim(aircraft), 32.0, faults=(fault,), seed=4), [d]).flight
+
+
+TRACES = {
+    "effectiveness": effectiveness,
+    "parity": parity,
+    "lpv_observer": lpv_observer,
+    "mmae": mmae,
+    "smac": smac,
+}
 
 
 def trace(name):

@@ -38,8 +38,8 @@ The text of the paper gives the purpose of Figure 6 but not its timeouts, and it
 from __future__ import annotations
 
 from ..core import Array
-from ..parts.ops import inline, lean, sin
-from .smac_health import excite, needed_odds, remaining, silence
+from ..parts.ops import inline, lean, maximum, sin
+from .smac_health import excite, loss_std, needed_odds, remaining, silence
 from .smac_types import (
     AIRSPEED,
     ALTITUDE,
@@ -266,10 +266,15 @@ def _foreign(p: Params, s: State) -> bool:
 
 @inline
 def _name_mode(p: Params, s: State, i: int) -> None:
-    """Stuck or partly effective, with hysteresis of 0.1 in what is left."""
-    left = remaining(p.probe, s, i)
-    edge = p.probe.stuck_below + (0.05 if s.count[i, LABEL] == 1 else -0.05)
-    s.count[i, LABEL] = 1 if left < edge else 2
+    """Stuck or partly effective: changed once what is left is clear of the edge, by 0.05 and by the noise of the
+    answer.
+    """
+    beyond = remaining(p.probe, s, i) - p.probe.stuck_below
+    clear = maximum(0.05, 2.0 * loss_std(p.probe, s, i))
+    if s.count[i, LABEL] == 1 and beyond > clear:
+        s.count[i, LABEL] = 2
+    elif s.count[i, LABEL] == 2 and beyond < -clear:
+        s.count[i, LABEL] = 1
 
 
 @lean

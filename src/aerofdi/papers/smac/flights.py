@@ -43,7 +43,7 @@ class Episode(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """A flight with SMAC. false_labels: surfaces declared while nothing was wrong. suspicions: times
+    """A flight with SMAC. false_labels: surfaces declared while nothing was wrong. false_alarms: times
     ThereIsaFault rose while nothing was wrong and nothing declared. healthy_s: how long nothing was
     wrong."""
 
@@ -52,7 +52,7 @@ class Judged(NamedTuple):
     verdict: Verdict
     episodes: tuple[Episode, ...]
     false_labels: tuple[str, ...]
-    suspicions: int
+    false_alarms: int
     healthy_s: float
 
 

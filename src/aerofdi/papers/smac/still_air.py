@@ -45,14 +45,14 @@ def find(quick: bool, progress: Callable[[str, float], None]) -> Findings:
             np.mean([not e.wrong and math.isfinite(e.isolated_s) for j in ours for e in j.episodes])
         ),
         "false_declared": float(sum(len(j.false_labels) for j in ours)),
-        "false_alarms": float(sum(j.suspicions for j in ours)),
+        "false_alarms": float(sum(j.false_alarms for j in ours)),
         "lambda_dead": _lambda_of_a_stuck_surface(ours[0]),
     }
     tables: dict[str, Any] = {f"still_air_{kind}": summary(found) for kind, found in flights.items()}
     tables["still_air"] = {
         "flights": len(seeds),
         "healthy_hours": sum(j.healthy_s for j in ours) / 3600.0,
-        "suspicions": {k: sum(j.suspicions for j in v) for k, v in flights.items()},
+        "false_alarms": {k: sum(j.false_alarms for j in v) for k, v in flights.items()},
         "false_labels": {k: sum(len(j.false_labels) for j in v) for k, v in flights.items()},
         "mean_angle_error_deg": float(np.degrees(np.nanmean(np.abs(angles)))),
     }
