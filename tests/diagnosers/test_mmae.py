@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
 
 from aerofdi.core import Channels, Flight, Series, Status, WrongUse, bind, check_diagnoser, run
 from aerofdi.design.mmae import Tuning, design_mmae
 from aerofdi.diagnosers import mmae
+from aerofdi.parts.bessel import sections_step
 from aerofdi.parts.lti import hold
 from aerofdi.parts.servo import servo_coefficients, servo_step
 
@@ -137,6 +139,57 @@ def test_any_healthy_time_before_the_fault_leaves_it_detectable(healthy_s):
         assert v.active[late, 2].mean() > 0.95, rule
         assert not v.active[late, 1].any()
         assert np.all(np.abs(v.estimate[late, 2] + 8.6 * DEG) < 3 * v.estimate_std[late, 2])
+
+
+def by_the_book(made, d, sample):
+    """(scores, residuals) from the paper's equations written out: matrices, products of probabilities, scipy's density.
+
+    Only good samples; the floor is applied after (14) or (4) as in the paper, "the lower limits are set as 0.01".
+    """
+    P, tuning = made.params, made.spec["tuning"]
+    measured, weight = P["measured"] > 0.5, np.array([1.0, 0.0, 36.0])
+    z = sample.z
+    u = np.array([[c, 0.0] for c in z[0, 3:5]])
+    x = np.array([P["start"] @ z[0, :3] for _ in range(3)])
+    x[1, -1], x[2, -1] = z[0, 3], z[0, 4]
+    before, p = np.tile(z[0, :3], (3, 1)), np.array([0.98, 0.01, 0.01])
+    memory = np.zeros((3, 3, len(P["low"]), 2))
+    scores, residuals = [], []
+    for k, row in enumerate(z):
+        evidence, likelihood = np.zeros(3), np.ones(3)
+        for i in range(3):
+            x[i] = P["A"][i] @ x[i] + P["B"][i] @ u[:, 0]
+            ahead = P["H"][i] @ x[i]
+            r = row[:3] - np.where(measured, ahead, before[i])
+            before[i] = ahead
+            x[i] = x[i] + P["L"][i][:, measured] @ r[measured]
+            if tuning["rule"] == mmae.TEXTBOOK:
+                S = np.linalg.inv(P["S_inv"][i][np.ix_(measured, measured)])
+                evidence[i] = 0.5 * r[measured] @ np.linalg.solve(S, r[measured])
+                likelihood[i] = multivariate_normal(np.zeros(2), S).pdf(r[measured])
+            else:
+                low = [sections_step(P["low"], memory[i, j], r[j]) if weight[j] else 0.0 for j in range(3)]
+                evidence[i] = weight @ np.square(low)
+                likelihood[i] = math.exp(-0.04 * evidence[i])
+        for a in range(2):
+            u[a] = servo_step(SERVO[a], u[a, 0], u[a, 1], row[3 + a])
+        if k >= d.settle_s / d.dt_s and (tuning["rule"] == mmae.TEXTBOOK or np.sum(evidence > 0.08) >= 2):
+            p = np.maximum(likelihood * p / np.sum(likelihood * p), 0.01)
+        scores.append(p / p.sum())
+        residuals.append(evidence)
+    return np.array(scores), np.array(residuals)
+
+
+@pytest.mark.parametrize("rule", [mmae.PAPER, mmae.TEXTBOOK])
+def test_probabilities_are_those_of_the_equations_written_out(rule):
+    made = design(rule=rule)
+    d = mmae.from_design(made)
+    sample = bind(fly(8.0, duration=16.0), d.inputs, d.dt_s)
+    v = run(d, sample)[1]
+    scores, residuals = by_the_book(made, d, sample)
+    np.testing.assert_allclose(v.residual, residuals, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(v.score, scores, rtol=1e-7, atol=1e-9)
+    assert scores[0, 0] > 0.97 and scores[-1, 2] > 0.97, "something happened"
 
 
 @settings(max_examples=30, deadline=None)

@@ -126,5 +126,10 @@ def test_a_summary_pools_flights():
     assert s.false_alarms == 4 and s.healthy_hours == pytest.approx(4 * 60 / 3600)
     assert s.false_alarms_per_hour.value == pytest.approx(60.0)
     assert s.estimate_error.value == pytest.approx(0.02)
+    mute = [
+        s._replace(detections=tuple(d._replace(isolated="none", correct=False) for d in s.detections))
+        for s in scores
+    ]
+    assert math.isnan(summarise(mute).isolated.value), "one that names nothing is not always wrong"
     table = confusion(d for s in scores for d in s.detections)
     assert table == {"right/stuck": {"left/stuck": 1, "missed": 1, "right/stuck": 2}}

@@ -17,7 +17,8 @@ class Summary(NamedTuple):
 
     faults, flights: counts. delay_s: median with its exact order-statistic interval, a missed fault counting
     as infinitely late. missed, isolated, detected_in_time: probabilities (Clopper-Pearson); isolated is the
-    share of detected faults whose first named hypothesis is right, detected_in_time the share within the
+    share of detected faults whose first named hypothesis is right (NaN where none was ever named: a method that
+    only detects), detected_in_time the share within the
     allowable time (NaN where none was given). false_alarms_per_hour: Garwood. healthy_hours: judged healthy
     time. estimate_error: median |error| in the unit of the estimate (bootstrap). ok_share: mean share of
     Status OK.
@@ -62,6 +63,7 @@ def summarise(
     hit = [d for d in found if not d.missed]
     hours = sum(s.healthy_s for s in scores) / 3600.0
     alarms = sum(s.false_alarms for s in scores)
+    named = [d for d in hit if d.isolated not in ("", NONE)]
     in_time = Interval(float("nan"), float("nan"), float("nan"))
     if allowed_s is not None and found:
         in_time = clopper_pearson(
@@ -72,7 +74,7 @@ def summarise(
         faults=len(found),
         delay_s=median_interval(delay, confidence),
         missed=clopper_pearson(len(found) - len(hit), len(found), confidence),
-        isolated=clopper_pearson(sum(d.correct for d in hit), len(hit), confidence),
+        isolated=clopper_pearson(sum(d.correct for d in hit), len(hit) if named else 0, confidence),
         detected_in_time=in_time,
         false_alarms=alarms,
         false_alarms_per_hour=garwood(alarms, hours, confidence),

@@ -5,6 +5,10 @@ only: a roll rate residual of sqrt(0.08) rad/s = 16 deg/s opens the gate, and an
 at 92 Hz turns 0.98 against 0.01 over in seconds, as its figures show; in degrees the gate would be open on
 noise (0.28 deg/s) and one sample would decide. Likewise W = diag(1, 0, 36) weighs a roll angle of 1 rad like
 a roll rate of 6 rad/s.
+
+Delay of p. The models' p runs four samples ahead of the delayed r and phi; the paper holds its prediction back by one
+step, here one sample beyond the one the prediction itself looks ahead. None or four samples instead change the median
+detection time by 0.04 s and nothing else (table `variants`).
 """
 
 from __future__ import annotations

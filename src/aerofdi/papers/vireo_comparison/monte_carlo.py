@@ -41,6 +41,13 @@ def _interval(x: tuple[float, float, float], unit: float = 1.0) -> list[float | 
 
 
 def _plain(label: str, where: str, s: Summary) -> dict[str, Any]:
+    # Healthy flight is no leg and no turn: its numbers stand in the row of all.
+    healthy = {
+        "false_alarms": s.false_alarms,
+        "false_alarms_per_hour": _interval(s.false_alarms_per_hour),
+        "healthy_hours": round(s.healthy_hours, 2),
+        "status_ok": round(s.ok_share, 4),
+    }
     return {
         "method": label,
         "where": where,
@@ -48,13 +55,11 @@ def _plain(label: str, where: str, s: Summary) -> dict[str, Any]:
         "median_delay_s": _interval(s.delay_s),
         "missed": _interval(s.missed),
         "in_allowable_time": _interval(s.detected_in_time),
-        "right_elevon_first": _interval(s.isolated),
-        "false_alarms": s.false_alarms,
-        "false_alarms_per_hour": _interval(s.false_alarms_per_hour),
-        "healthy_hours": round(s.healthy_hours, 2),
-        "estimate_error_deg": _interval(s.estimate_error, DEG),
-        "status_ok": round(s.ok_share, 4),
-    }
+        "right_elevon_first": None if math.isnan(s.isolated.value) else _interval(s.isolated),
+        "estimate_error_deg": None
+        if math.isnan(s.estimate_error.value)
+        else _interval(s.estimate_error, DEG),
+    } | (healthy if where == "all" else dict.fromkeys(healthy))
 
 
 def summaries(found: list[dict[str, Any]], quick: bool) -> list[dict[str, Any]]:
