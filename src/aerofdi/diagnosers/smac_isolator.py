@@ -270,7 +270,7 @@ def _name_mode(p: Params, s: State, i: int) -> None:
     answer.
     """
     beyond = remaining(p.probe, s, i) - p.probe.stuck_below
-    clear = maximum(0.05, 2.0 * loss_std(p.probe, s, i))
+    clear = maximum(0.05, 3.0 * loss_std(p.probe, s, i))
     if s.count[i, LABEL] == 1 and beyond > clear:
         s.count[i, LABEL] = 2
     elif s.count[i, LABEL] == 2 and beyond < -clear:

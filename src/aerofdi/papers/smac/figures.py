@@ -40,14 +40,19 @@ def _detector(j: Judged) -> Any:
     figure, axes = _axes(1, "Figure 7: fault detector")
     gamma, threshold = j.verdict.residual[:, 3], j.verdict.threshold[:, 3]
     _shade(axes[0], j)
-    axes[0].plot(j.t_s, gamma / threshold, color="0.6", lw=0.8, label="Gamma2 / threshold")
-    axes[0].plot(j.t_s, j.verdict.detected, "k", lw=0.8, label="detected")
-    axes[0].set_ylabel("1")
+    axes[0].plot(j.t_s, gamma / threshold, color="0.6", lw=0.8, label="Gamma2 / Gamma2_thresh")
+    axes[0].plot(j.t_s, j.verdict.detected, "k", lw=0.8, label="ThereIsaFault or a declared surface")
+    axes[0].set_ylabel("Gamma2 / threshold")
     axes[0].legend(fontsize=7)
     return figure
 
 
-def _per_surface(title: str, unit: str, value: Callable[[Judged, int, str], Any]) -> Callable[[Judged], Any]:
+def _per_surface(
+    title: str, unit: str, value: Callable[[Judged, int, str], Any], limits: tuple[float, float] | None = None,
+    line: float | None = None,
+) -> Callable[[Judged], Any]:  # fmt: skip
+    """A picture with one row a surface; its failure is shaded, `line` is a threshold."""
+
     def draw(j: Judged) -> Any:
         names = design("ordered").spec["surfaces"]
         figure, axes = _axes(len(names), title)
@@ -55,7 +60,13 @@ def _per_surface(title: str, unit: str, value: Callable[[Judged, int, str], Any]
             _shade(axis, j, name)
             t, y = value(j, i, name)
             axis.plot(t, y, "k", lw=0.7)
-            axis.set_ylabel(f"{name}\n({unit})", fontsize=7)
+            if line is not None:
+                axis.axhline(line, color="0.4", lw=0.8, ls="--")
+            axis.set_ylabel(f"{name.replace('_', chr(10))}\n({unit})", fontsize=7)
+            if limits:
+                axis.set_ylim(*limits)
+                axis.set_yticks([0, 1], ["sound", "failed"], fontsize=7)
+                axis.set_ylabel(name.replace("_", "\n"), fontsize=7)
         return figure
 
     return draw
@@ -77,10 +88,17 @@ def _gusts(j: Judged) -> Any:
 
 
 COMMANDS = _per_surface("Figure 8: commands of the autopilot", "deg", _command)
-LAMBDAS = _per_surface("Figure 9: Lambda", "rad", lambda j, i, _: (j.t_s, j.verdict.score[:, 1 + 2 * i]))
-LABELS = _per_surface(
-    "declared surfaces", "1", lambda j, i, _: (j.t_s, labels(j.verdict)[:, i].astype(float))
-)
+LAMBDAS = _per_surface(
+    "Figure 9: Lambda of the surface under test", "rad", lambda j, i, _: (j.t_s, j.verdict.score[:, 1 + 2 * i]),
+    line=0.01,
+)  # fmt: skip
+
+
+def _labels(j: Judged, title: str) -> Any:
+    draw = _per_surface(
+        title, "", lambda k, i, _: (k.t_s, labels(k.verdict)[:, i].astype(float)), (-0.15, 1.15)
+    )
+    return draw(j)
 
 
 def find(quick: bool, progress: Callable[[str, float], None]) -> Findings:
@@ -89,10 +107,19 @@ def find(quick: bool, progress: Callable[[str, float], None]) -> Findings:
     progress("drawing", 0.0)
     still, windy, adapted = flown("ordered"), flown("fixed", GUSTS), flown("together", GUSTS)
     drawn = {
-        "figure07_detector": _detector(still), "figure08_commands": COMMANDS(still), "figure09_lambda": LAMBDAS(still),
-        "figure10_declared": LABELS(still), "figure11_gusts": _gusts(windy), "figure12_declared_in_wind": LABELS(windy),
-        "beyond_declared_in_wind_adapted": LABELS(adapted),
-    }  # fmt: skip
+        "figure07_detector": _detector(still),
+        "figure08_commands": COMMANDS(still),
+        "figure09_lambda": LAMBDAS(still),
+        "figure10_declared": _labels(still, "Figure 10: declared surfaces, still air"),
+        "figure11_gusts": _gusts(windy),
+        "figure12_declared_in_wind": _labels(
+            windy, "Figure 12: declared surfaces in gusts, fixed thresholds"
+        ),
+        "beyond_declared_in_wind_adapted": _labels(
+            adapted,
+            "Beyond the paper: the same gusts, thresholds that follow the wind, twins tested together",
+        ),
+    }
     folder = Path(FOLDER)
     folder.mkdir(exist_ok=True)
     for name, figure in drawn.items():
