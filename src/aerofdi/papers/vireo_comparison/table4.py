@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core import bind, run
-from ...evaluate.score import Detection
+from ...evaluate.score import NONE, Detection
 from ...evaluate.truth import value_at
 from ...simulate import fly
 from ..claims import Findings, Ours
@@ -301,7 +301,8 @@ def roll_in(earlier_s: float = 1.0) -> list[dict[str, Any]]:
                 f._replace(start_s=f.start_s - earlier_s, end_s=f.end_s - earlier_s) for f in base.faults
             )
             found += judge(with_resets(fly(replace(base, faults=faults))), make()).score.detections
-        right = sum(d.correct for d in found)
+        names = any(d.isolated != NONE for d in found)
+        right = sum(d.correct for d in found) if names else None
         out.append({"method": m, "missed": sum(d.missed for d in found), "right_elevon_first": right})
     return out
 
@@ -353,6 +354,7 @@ def find(quick: bool, progress: Callable[[str, float], None]) -> Findings:
         tables |= {
             "filters_on_flights": filters(),
             "variants": variants(),
+            "roll_in": roll_in(),
             "airspeed_noise": airspeed_noise(),
         }
     progress("table 4 done", 1.0)
