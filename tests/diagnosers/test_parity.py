@@ -24,7 +24,8 @@ def exact(threshold=0.1, rate=RATE, trim=0.0, airspeed=None):
     servo = servo_coefficients(2, 50.0, 0.8, lower=-0.4, upper=0.3, rate=rate, dt_s=DT).reshape(1, -1)
     return from_linear(
         np.array([[LP]]), np.array([[LD]]), np.eye(1), dt_s=DT, commands=["command.aileron"], servo=servo,
-        delay_s=0.05, mix=np.eye(1), outputs=["p"], threshold=[threshold], bandwidth=4.0, start=np.eye(1), trim=[trim], airspeed=airspeed,
+        delay_s=0.05, mix=np.eye(1), outputs=["p"], threshold=[threshold], bandwidth=4.0, start=np.eye(1),
+        trim=[trim], airspeed=airspeed,
     )  # fmt: skip
 
 
