@@ -11,7 +11,7 @@ from aerofdi.aircraft import load_aircraft
 from aerofdi.core import CannotJudge, WrongUse
 from aerofdi.design import smac_tuning as tune
 from aerofdi.design.io import load_design, save_design
-from aerofdi.design.smac import PAPER, design_smac, level_flight, make_spec
+from aerofdi.design.smac import PAPER, design_smac, dryden, level_flight, make_spec
 from aerofdi.diagnosers import smac, smac_types
 from aerofdi.dynamics.faults import Fault
 from aerofdi.dynamics.trim import trim
@@ -62,6 +62,31 @@ def test_thresholds_lie_in_their_window_and_are_made_of_the_noise(designs):
             assert low <= axis["threshold_rad_s"] < high
             assert axis["threshold_rad_s"] == pytest.approx(4.0 * axis["noise_rad_s"])
             assert axis["noise_in_gusts_rad_s"] > axis["noise_rad_s"]
+
+
+def test_without_sensor_noise_the_resolution_of_the_servos_is_the_threshold():
+    """This file has ideal sensors; a threshold made of their noise would be zero."""
+    d = design_smac(load_aircraft("aerosonde_aerosim"), QUICK)
+    found = d.certificate["surfaces"]
+    assert all(axis["threshold_rad_s"] > 1e-5 for axis in d.certificate["axes"].values())
+    # (13) doubles it; sound twins share the deviation.
+    assert min(x["smallest_stuck_angle_deg"] for x in found.values()) == pytest.approx(0.1, rel=0.01)
+
+
+@pytest.mark.parametrize("stuck", [False, True])
+def test_surface_the_autopilot_never_answers_is_judged_by_the_residual_alone(stuck):
+    """The Aerosonde's rudder is held still, so its command is silent whether it moves or not."""
+    aircraft = load_aircraft("aerosonde")
+    condition, d = trim(aircraft), smac.from_design(design_smac(aircraft, QUICK))
+    faults = (Fault("rudder", "stuck", 40.0, value=math.radians(3.0), about="trim"),) if stuck else ()
+    wind = dryden(condition.altitude, 0.5)
+    seen = fly_with(level_flight(aircraft, condition, 90.0, wind=wind, seed=5, faults=faults), [d]).verdicts[
+        0
+    ]
+    rudder = d.outputs.names.index("excitation.rudder")
+    declared = seen.verdict.active[:, 1::2] | seen.verdict.active[:, 2::2]
+    assert seen.verdict.excitation[:, rudder].any(), "it was tested"
+    assert declared.any(axis=0).tolist() == [stuck and j == rudder for j in range(declared.shape[1])]
 
 
 def test_fault_below_the_noise_is_refused_and_the_cause_named():

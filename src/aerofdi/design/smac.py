@@ -37,6 +37,7 @@ from .smac_spec import EVALUATORS, PAPER, RULES, Spec, make_spec
 __all__ = ["PAPER", "Spec", "design_smac", "dryden", "level_flight", "make_spec"]
 
 AXES = ("roll", "pitch", "yaw")
+LEAST_ANSWER = 0.05
 Progress = Callable[[str, float], None]
 
 
@@ -102,9 +103,8 @@ def _probe(surfaces: tuple[str, ...], axis: Array, answers: Answers, dead: Array
     heard = np.array(
         [tune.common_answer(r * m, x * m) for r, x, m in zip(answers.value, alone, mean, strict=True)]
     )
-    # Without an answer (a surface the autopilot holds still) the command says nothing: its noise weighs
-    # heavily.
-    heard = np.where(np.abs(heard) < 1e-3, 1e-3 + 0j, heard)
+    # Without an answer (a surface the autopilot holds still) the command says nothing, the residual all.
+    heard = np.where(np.abs(answers.value) < LEAST_ANSWER, 0j, heard)
     # Sound twins share the answer, a lone one gives all of it: the rectified evaluator aims between the two.
     middle = 0.5 * (answers.value + alone) * mean * noise
     kappa = np.abs(middle) if spec.kappa is None else np.full(n, spec.kappa)
@@ -166,7 +166,7 @@ def design_smac(
     groups = tuple(aircraft.surface(s).group for s in surfaces)
     axis = _axes(sensitivity, groups)
     answers = measure_answers(aircraft, condition, surfaces, _frequencies(axis, spec), spec, say)
-    weak = [s for s, r in zip(surfaces, answers.value, strict=True) if abs(r) < 0.05]
+    weak = [s for s, r in zip(surfaces, answers.value, strict=True) if abs(r) < LEAST_ANSWER]
     if weak and spec.evaluator != "fused":
         raise CannotJudge(
             f"the autopilot of {aircraft.name!r} answers an excitation of {', '.join(weak)} by less than 5 %; raise its "
@@ -182,6 +182,9 @@ def design_smac(
     probe = _probe(surfaces, axis, answers, dead, spec)
     draft = _params(model, sensitivity, probe, np.full(3, np.inf), STILL, aircraft, spec)
     noise = measure_noise(aircraft, condition, surfaces, draft, spec, say)
+    # No servo holds an angle better than this, however good the sensors of the file are.
+    least = np.abs(sensitivity).max(axis=1) * math.radians(spec.resolution_deg) / spec.threshold_sigmas
+    noise = noise._replace(level=np.maximum(noise.level, least))
     wind = _wind_law(noise) if spec.follow_wind else STILL
     windows, thresholds = _thresholds(model, V, sensitivity, axis, noise, spec)
     probe.surface[:, t.ANGLE_STD] = [
@@ -204,7 +207,7 @@ def _params(
     silent = not np.isfinite(axis).any()
     detector = t.Detector(
         RULES[spec.rule], tune.share(spec.f1_hz, dt), tune.share(spec.f2_hz, dt),
-        math.inf if silent else spec.gamma2 if spec.rule == "sum" else 1.0, spec.release, wind.floor, spec.wind_cap,
+        math.inf if silent else spec.gamma2 if spec.rule == "sum" else 1.0, spec.release, wind.floor, spec.suspect,
         tune.share(0.5, dt), tune.share(0.05, dt), tune.share(0.016, dt), tune.share(0.15, dt),
         tune.share(0.006, dt), np.asarray(axis, float), wind.gain, wind.quiet, sensitivity,
     )  # fmt: skip

@@ -25,13 +25,15 @@ class Spec:
     amplitude_deg: A. frequency_hz: of the excitation; together, twins get its multiples. f1_hz, f2_hz: LP1,
     LP2. f_i1_hz, f_i2_hz, f_i3_hz: of the evaluators. threshold_sigmas: the noise part of sup|gamma| in
     standard deviations. gamma2: for "sum", rad/s. axis: p, q, r thresholds instead of computed ones, rad/s.
+    resolution_deg: deviation of a surface that is no fault.
     smallest_fault_deg: stuck angle about trim that must be found, None: whatever the noise allows.
     lambda_share: Lambda_thresh as a share of 2A/pi. kappa: answering share, None: measured. torque_scale:
     of the model's torques. r_w, r_v: noise of the filter. odds: log-likelihood ratio that decides a test; a
-    wrong decision has a probability below exp(-odds) if the noise is as heard. follow_wind: thresholds grow
-    with the measured gusts, those that start a test up to wind_cap times. wind: standard deviation of the gusts of the training
-    flights, m/s. seconds, bank_deg, pitch_deg, altitude_m, track_m: excitation budget. sweep_every_s: test
-    all surfaces this often without suspicion, 0: never. Times of the isolator in s.
+    wrong decision has a probability below exp(-odds) if the noise is as heard. follow_wind: thresholds
+    grow with the gusts, as vanes and residuals tell them; then a test starts at the share `suspect` of the
+    threshold. wind: standard deviation of the gusts of the training flights, m/s. seconds, bank_deg, pitch_deg,
+    altitude_m, track_m: excitation budget. sweep_every_s: test all surfaces this often without suspicion, 0:
+    never. Times of the isolator in s.
     """
 
     airspeed: float | None = None
@@ -50,6 +52,7 @@ class Spec:
     gamma2: float = 0.025
     axis: tuple[float, float, float] | None = None
     release: float = 0.5
+    resolution_deg: float = 0.1
     smallest_fault_deg: float | None = None
     lambda_share: float = 0.45
     kappa: float | None = None
@@ -59,7 +62,7 @@ class Spec:
     r_v: float = 0.1
     odds: float = 8.0
     follow_wind: bool = True
-    wind_cap: float = 3.0
+    suspect: float = 0.6
     wind: float = 2.5
     seconds: float = 240.0
     bank_deg: float = 30.0

@@ -66,10 +66,10 @@ from .smac_types import (
     FLAG,
     GAMMA2,
     GAP,
+    HEEDED,
     INDEX,
     LABEL,
     LEVEL,
-    LISTENED,
     LOW,
     MEAN,
     MODE,
@@ -103,6 +103,8 @@ NONFINITE, STALE, NOT_READY, OUTSIDE = (
     int(s) for s in (Status.NONFINITE, Status.STALE_INPUT, Status.NOT_READY, Status.OUT_OF_ENVELOPE)
 )
 HOLD_LEVEL = int(Request.HOLD_LEVEL)
+# Of the mean square of a residual in gusts: it is taken in their quieter moments, and scatters.
+MARGIN = 1.4
 RESIDUALS = ("roll rate", "pitch rate", "yaw rate", "gamma2")
 
 
@@ -165,10 +167,11 @@ def follow_wind(p: Params, s: State, z: Array) -> None:
     d, axes, misc = p.detector, s.axes, s.misc
     more = _vane_activity(d, s, z) if p.vanes > 0 else 0.0
     for i in range(3):
-        own = sqrt(float(axes[i, POWER])) / float(d.quiet[i])
+        more_power = float(axes[i, POWER]) / float(d.quiet[i]) ** 2 - 1.0
+        own = sqrt(1.0 + MARGIN * maximum(more_power, 0.0))
         vanes = sqrt(1.0 + d.wind_gain[i] * d.wind_gain[i] * more)
         misc[SCALE + i] = maximum(own, vanes)
-        misc[TEST_SCALE + i] = minimum(misc[SCALE + i], d.wind_cap)
+        misc[TEST_SCALE + i] = maximum(1.0, d.suspect * misc[SCALE + i])
 
 
 @inline
@@ -198,7 +201,8 @@ def _heed(d: Detector, s: State) -> None:
     """Without excitation or suspicion: the mean square of each filtered residual, first of all, later of the
     last while.
     """
-    share = maximum(d.a_level, 1.0 / (1.0 + int(s.clock[LISTENED])))
+    share = maximum(d.a_level, 1.0 / (1.0 + int(s.clock[HEEDED])))
+    s.clock[HEEDED] += 1
     for i in range(3):
         level = float(s.axes[i, LEVEL])
         s.axes[i, POWER] += share * (level * level - float(s.axes[i, POWER]))
@@ -222,8 +226,8 @@ def detect(d: Detector, s: State) -> None:
     """Section 3.2: LP1, (5), LP2, threshold with release; or each axis through LP1 and LP2 against its own
     threshold.
 
-    Twice: ThereIsaFault, whose thresholds follow the wind all the way, and the suspicion that starts a test,
-    whose thresholds follow it to wind_cap. In wind a test finds what the residual cannot show.
+    Twice: ThereIsaFault, and in gusts already below its threshold the suspicion that starts a test, which
+    finds what the residual cannot show.
     """
     axes, threshold, misc = s.axes, d.axis, s.misc
     total, worst, suspect = 0.0, 0.0, 0.0
@@ -289,7 +293,8 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
     clock[READY] += 1
     # The filter needs a moment after a start; the detector's filters begin behind it.
     ready = clock[READY] > p.timing.settle
-    if 2 * clock[READY] > p.timing.settle:
+    detecting = 2 * clock[READY] > p.timing.settle
+    if detecting:
         detect(p.detector, s)
         _estimate(p, s, z)
     if ready:
@@ -298,8 +303,9 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
     else:
         clock[FLAG], clock[SUSPECT] = 0, 0
     if clock[CALM] > p.probe.window and (clock[SUSPECT] == 0 or clock[MODE] == REST):
-        _heed(p.detector, s)
         listen(p.probe, s, p.detector.a_wind)
+        if detecting:
+            _heed(p.detector, s)
     clock[CALM] += 1
     clock[INDEX] += 1
     say(p, s, OUTSIDE if clock[MODE] == HALT else (0 if ready else NOT_READY), out, k)

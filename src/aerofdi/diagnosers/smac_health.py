@@ -162,10 +162,20 @@ def _covariance(probe: Probe, s: State, i: int) -> tuple[float, float, float]:
 
 
 @inline
+def _answers(probe: Probe, i: int) -> bool:
+    """Whether the controller answers this surface at all; where it holds it still only the residual tells."""
+    return bool(probe.surface[i, HEALTHY_RE] != 0.0 or probe.surface[i, HEALTHY_IM] != 0.0)
+
+
+@inline
 def _weights(probe: Probe, s: State, i: int) -> tuple[float, float]:
     """Weight of the command's lost share (the residual has the rest), and the variance of the weighted
     mean.
     """
+    if not _answers(probe, i):
+        d, e = float(probe.surface[i, DEAD_RE]), float(probe.surface[i, DEAD_IM])
+        A = float(probe.surface[i, AMPLITUDE])
+        return 0.0, 0.5 * float(s.surface[i, R_POWER]) / (A * A * (d * d + e * e))
     v, w, c = _covariance(probe, s, i)
     if probe.method != FUSED or v + w - 2.0 * c <= 0.0:
         return 1.0, v
@@ -246,9 +256,10 @@ def _weigh(p: Params, s: State, i: int, lost: float) -> None:
 
 @inline
 def _projection(probe: Probe, i: int, a: float, b: float, reference: int) -> float:
-    """Re((a + jb) / reference), its real part in that column of probe.surface."""
+    """Re((a + jb) / reference), its real part in that column of probe.surface; 0 for a reference of 0."""
     c, d = float(probe.surface[i, reference]), float(probe.surface[i, reference + 1])
-    return (a * c + b * d) / (c * c + d * d)
+    size = c * c + d * d
+    return (a * c + b * d) / size if size > 0.0 else 0.0
 
 
 @inline
@@ -263,7 +274,7 @@ def remaining(probe: Probe, s: State, i: int) -> float:
     """Effectiveness left of surface i, 0 to about 1, from its averaged answer and the number of sound
     twins.
     """
-    if probe.method == RECTIFIED:
+    if probe.method == RECTIFIED or not _answers(probe, i):
         return clip(1.0 - s.surface[i, LAMBDA] * pi / (2.0 * probe.surface[i, AMPLITUDE]), 0.0, 1.0)
     sound = 0
     for j in range(len(s.surface)):

@@ -17,8 +17,8 @@
 |       | fall after `settle`   |         | excitation are used up                                   |
 |       | without suspicion     |         |                                                          |
 
-Suspicion is ThereIsaFault where thresholds are fixed; where they follow the wind it follows them only to
-`wind_cap` (see `smac.detect`).
+Suspicion is ThereIsaFault in still air or with fixed thresholds; in gusts it comes at a share of the threshold
+(see `smac.detect`).
 
 A decision needs `test_min` samples of excitation and evidence beyond `odds` (see `smac_health`): for "does
 not answer" the surface is declared, for "sound" it is acquitted. The evidence is weighed with the noise

@@ -35,13 +35,14 @@ class Detector(NamedTuple):
 
     rule: SUM (5) or AXES. a1, a2: shares 1 - exp(-2 pi f Ts) of LP1 and LP2. threshold: Gamma2_thresh,
     rad/s (AXES: 1). release: the flag falls below release x threshold. wind_floor: vane activity of their
-    own noise, rad2; wind_cap: how far wind may raise the threshold that starts a test. a_fast, a_slow, a_wind: shares of the
-    filters of the wind measure. a_estimate: of the stuck angle's filter. a_level: of the mean square of each
-    filtered residual while nothing is excited. axis (3,): p, q, r thresholds, rad/s: they choose the group,
-    and with AXES they detect too. wind_gain (3,): growth of each with vane activity, sqrt(1 + wind_gain^2
-    (activity - floor)), 1/rad. quiet (3,): standard deviation of the filtered residuals in still air, rad/s;
-    each threshold also grows with their own over it (gain 0 and quiet inf: fixed, as in the paper).
-    sensitivity (3, nu): residual in rad/s that 1 rad of unexplained deflection leaves in steady flight.
+    own noise, rad2; suspect: share of a threshold raised by the wind that starts a test, never below the
+    threshold of still air. a_fast, a_slow, a_wind: shares of the filters of the wind measure. a_estimate:
+    of the stuck angle's filter. a_level: of the mean square of each filtered residual while nothing is
+    excited. axis (3,): p, q, r thresholds, rad/s: they choose the group, and with AXES they detect too.
+    wind_gain (3,): growth of each with vane activity, sqrt(1 + wind_gain^2 (activity - floor)), 1/rad.
+    quiet (3,): standard deviation of the filtered residuals in still air, rad/s; each threshold also grows
+    with their own over it (gain 0 and quiet inf: fixed, as in the paper). sensitivity (3, nu): residual in
+    rad/s that 1 rad of unexplained deflection leaves in steady flight.
     """
 
     rule: int
@@ -50,7 +51,7 @@ class Detector(NamedTuple):
     threshold: float
     release: float
     wind_floor: float
-    wind_cap: float
+    suspect: float
     a_fast: float
     a_slow: float
     a_wind: float
@@ -211,13 +212,12 @@ RESIDUAL, LOW, LEVEL, SLOW, POWER = range(5)
 # Columns of State.count.
 HEARD, EXCITED, LABEL, ROUND = range(4)
 # Slots of State.clock.
-READY, GAP, INDEX, MODE, SINCE, SLOT, FLAG, SUSPECT, EFFORT, SWEEP_AGE, SWEEP, FOREIGN, CALM, LISTENED = (
-    range(14)
-)
+READY, GAP, INDEX, MODE, SINCE, SLOT, FLAG, SUSPECT = range(8)
+EFFORT, SWEEP_AGE, SWEEP, FOREIGN, CALM, LISTENED, HEEDED = range(8, 15)
 # Slots of State.misc.
 GAMMA2, WIND_AF, WIND_AS, WIND_BF, WIND_BS, WIND_POWER, HOME_THETA, HOME_ALTITUDE, HOME_PSI, DRIFT = range(10)
 SCALE = 10  # and 11, 12: how far wind raises the threshold of each axis
-TEST_SCALE = 13  # and 14, 15: the same up to wind_cap, for what starts a test
+TEST_SCALE = 13  # and 14, 15: the same for what starts a test
 
 
 class State(NamedTuple):
@@ -227,7 +227,7 @@ class State(NamedTuple):
     through the estimate's filter; mean square of the third. surface (nu, 21). count (nu, 4): samples averaged into the answer;
     samples excited; label (0 sound, 1 stuck, 2 partly effective); verdict of this round (0 untested, 1
     sound, 2 undecided). ring (2 nu + 3, N):
-    commands without mean, excitations, residuals. misc (16,). clock (14,).
+    commands without mean, excitations, residuals. misc (16,). clock (15,).
     """
 
     kalman: Array
@@ -245,5 +245,5 @@ def init(params: Params) -> State:
     kalman = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
     return State(
         kalman, np.zeros((3, 5)), np.zeros((n, 21)), np.zeros((n, 4), dtype=np.int64), np.zeros((2 * n + 3, window)),
-        np.zeros(16), np.zeros(14, dtype=np.int64),
+        np.zeros(16), np.zeros(15, dtype=np.int64),
     )  # fmt: skip
