@@ -34,6 +34,59 @@ def test_nothing_after_an_instant_changes_what_was_known_at_it(stamps, dt, cut):
         np.testing.assert_array_equal(whole.age[same], early.age[same])
 
 
+@given(
+    st.lists(st.floats(0.0, 10.0), min_size=1, max_size=40),
+    st.floats(0.02, 1.0),
+    st.integers(1, 4),
+    st.floats(0.5, 9.5),
+)
+def test_reading_behind_is_causal_too(stamps, dt, steps, cut):
+    t = np.sort(np.array(stamps))
+    v = np.arange(len(t), dtype=float) ** 2
+    behind = P._replace(behind_s=steps * dt)
+    until = t <= cut
+    if not until.any():
+        return
+    flights = [flight(t[k], v[k]) for k in (slice(None), until)]
+    whole, early = (bind(f, behind, dt, 0.0, 10.0) for f in flights)
+    if not any(dt > 1.5 * fresh(f.measured["p"]).period_s for f in flights):
+        same = whole.t_s <= cut
+        np.testing.assert_array_equal(whole.z[same], early.z[same])
+        np.testing.assert_array_equal(whole.age[same], early.age[same])
+
+
+@pytest.mark.parametrize("start", [0.0, 0.004, 0.008, 0.012, 0.016])
+def test_what_is_read_behind_does_not_depend_on_where_the_grid_falls(start):
+    """Commands logged at 25 Hz on a grid of 50 Hz: held, they are late by 0 to 40 ms, as the grid falls."""
+    clock, slow = 0.003 + 0.02 * np.arange(200), 0.009 + 0.04 * np.arange(100)
+    f = flight(clock, np.cos(clock)).with_measured(
+        u=Series(slow, np.sin(2 * np.pi * slow), "rad"),
+        fast=Series(0.0025 * np.arange(1600), 2.0 * np.arange(1600), "m"),
+    )
+    inputs = Channels(("p", "u", "fast"), ("rad/s", "rad", "m"), (1.0, 1.0, 1.0), behind_s=0.04)
+    s = bind(f, inputs, 0.02, 0.5 + start, 3.5)
+    assert 0.0 <= s.t_s[0] - 0.5 - start < 0.02
+    then = s.t_s - 0.04
+    np.testing.assert_allclose(s.z[:, 0], np.cos(then), atol=1e-7)
+    np.testing.assert_allclose(s.z[:, 1], np.interp(then, slow, np.sin(2 * np.pi * slow)), atol=1e-7)
+    np.testing.assert_allclose(s.z[:, 2], 2.0 * (then / 0.0025), atol=1.1)
+    assert (s.age[:, 0] < 1e-8).all() and (s.age[:, 1] < 0.04 + 1e-8).all()
+    np.testing.assert_allclose(s.delay_s[:2], 0.04)
+    held = bind(f, inputs._replace(behind_s=0.0), 0.02, 0.5 + start, 3.5)
+    assert np.abs(held.z[:, 1] - np.sin(2 * np.pi * held.t_s)).max() > 0.1, "held, it is another signal"
+
+
+def test_reading_ahead_is_refused():
+    with pytest.raises(WrongUse, match=r"-0\.1 s behind"):
+        bind(flight([0.0, 0.1], [0.0, 1.0]), P._replace(behind_s=-0.1), 0.1, who="parity")
+
+
+def test_beyond_the_last_value_known_the_line_goes_on_level():
+    s = bind(flight([0.0, 0.1, 0.2, 0.9], [0.0, 1.0, 2.0, 9.0]), P._replace(behind_s=0.1), 0.1, 0.2, 1.15)
+    np.testing.assert_allclose(s.z[:, 0], [1, 2, 2, 2, 2, 2, 2, 2 + 7 * 6 / 7, 9, 9], atol=1e-6)
+    assert s.age[-3, 0] == pytest.approx(0.6), "and how old it is is still said"
+
+
 def test_last_value_and_its_age():
     s = bind(flight([0.0, 0.1, 0.3], [1.0, 2.0, 3.0]), P, 0.1, 0.0, 0.55)
     np.testing.assert_array_equal(s.z[:, 0], [1, 2, 2, 3, 3, 3])

@@ -82,7 +82,9 @@ def test_recovery_is_noticed_and_a_second_fault_found(diagnoser):
     assert v.detected[t > 165.0].all()
 
 
-def test_the_contract(diagnoser):
+@pytest.mark.parametrize("behind_s", [0.0, 0.06])
+def test_the_contract(model, behind_s):
+    diagnoser = from_identified(model, dict.fromkeys(model.channels, 0.2), behind_s=behind_s)
     check_diagnoser(diagnoser, syn.fly(60.0, seed=9, stuck={"aileron": 0.1}, start_s=30.0))
 
 

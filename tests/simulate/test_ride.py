@@ -64,12 +64,14 @@ def make(
 
 
 @pytest.mark.parametrize("dt", [1 / 92, 0.02, 0.1])
-@pytest.mark.parametrize("altitude_hz", [92.0, 4.0])
-def test_live_is_replay_bit_for_bit(dt, altitude_hz):
-    """Faster channels are averaged, slower ones held with their age: on board as in `bind`."""
+@pytest.mark.parametrize("altitude_hz,behind", [(92.0, 0), (4.0, 0), (4.0, 3), (92.0, 1)])
+def test_live_is_replay_bit_for_bit(dt, altitude_hz, behind):
+    """Faster channels are averaged, slower ones held, or read some samples behind: on board as in `bind`."""
     s = replace(SHORT, sensors={"altitude": {"rate_hz": altitude_hz}})
-    flown = fly_with(s, [make(dt), make(dt, (2 * RAD,), (3 * RAD,))])
-    for d, watched in zip((make(dt), make(dt, (2 * RAD,), (3 * RAD,))), flown.verdicts, strict=True):
+    on_board = [make(dt), make(dt, (2 * RAD,), (3 * RAD,))]
+    on_board = [d._replace(inputs=d.inputs._replace(behind_s=behind * dt)) for d in on_board]
+    flown = fly_with(s, on_board)
+    for d, watched in zip(on_board, flown.verdicts, strict=True):
         sample = bind(flown.flight, d.inputs, d.dt_s, 0.0, 5.0, who=d.name)
         _, replay = run(d, sample)
         n = min(len(sample.t_s), len(watched.t_s))

@@ -43,6 +43,20 @@ def _last_value(series: Series, t_s: Array) -> tuple[Array, Array]:
     return value, np.where(known, t_s - series.t_s[safe], np.inf)
 
 
+def _line_value(series: Series, t_s: Array, known_s: Array) -> tuple[Array, Array]:
+    """On the line between the fresh values around each instant, or the last one where the next is not known by then."""
+    last, age = _last_value(series, t_s)
+    if len(series.t_s) < 2:
+        return last, age
+    after = np.searchsorted(series.t_s, t_s, side="right")
+    safe = np.clip(after, 1, len(series.t_s) - 1)
+    t0, t1 = series.t_s[safe - 1], series.t_s[safe]
+    v0, v1 = series.value[safe - 1], series.value[safe]
+    between = (after == safe) & (t1 <= known_s)
+    share = np.divide(t_s - t0, t1 - t0, out=np.zeros(len(t_s)), where=between)
+    return np.where(between, v0 + (v1 - v0) * share, last), age
+
+
 def _mean_value(series: Series, t_s: Array, window_s: float) -> tuple[Array, Array]:
     """Mean of the fresh values in (t - window, t]; the last value and its age where there are none."""
     last, age = _last_value(series, t_s)
@@ -55,6 +69,17 @@ def _mean_value(series: Series, t_s: Array, window_s: float) -> tuple[Array, Arr
     count = hi - lo
     mean = (total[hi] - total[lo]) / np.maximum(count, 1) + series.value[0]
     return np.where(count > 0, mean, last), age
+
+
+def _to_clock(flight: Flight, inputs: Channels, dt_s: float, t0_s: float) -> float:
+    """Less than dt_s: by how much later to start, so that instants described fall on the stamps of the first channel."""
+    series = flight.measured.get(inputs.names[0])
+    stamps = fresh(series).t_s if series is not None else ()
+    if not len(stamps):
+        return 0.0
+    stamp = float(stamps[max(int(np.searchsorted(stamps, t0_s + 1e-9, side="right")) - 1, 0)])
+    later = (stamp + inputs.behind_s - t0_s) % dt_s
+    return later if later < dt_s - 1e-9 else 0.0
 
 
 def _check(flight: Flight, inputs: Channels, who: str) -> None:
@@ -94,6 +119,11 @@ def bind(
     about dt/2 is in `delay_s`); coded channels never are. Repeated stamps, non-finite values and, where the series
     says `repeats`, repeated values are not fresh. Before the first value: NaN with infinite age.
 
+    With behind_s the row of t describes t - behind_s from what was known at t: a slower channel lies on the line between its
+    values around it (held where the later one was not known yet), a faster one is averaged around it, age is
+    that of the earlier value there, and the grid starts up to dt later, where it meets the stamps of the first channel.
+    So what is seen does not depend on where the grid falls against a slow log.
+
     Raises MissingChannel or WrongUse, naming both sides.
 
     >>> import numpy as np
@@ -104,9 +134,15 @@ def bind(
     """
     if not (dt_s > 0 and math.isfinite(dt_s)):
         raise WrongUse(f"{who} asks for a sample period of {dt_s} s; it must be positive and finite")
+    if not (inputs.behind_s >= 0 and math.isfinite(inputs.behind_s)):
+        raise WrongUse(
+            f"{who} asks to read {inputs.behind_s} s behind; it must be 0 or more: nobody knows the future"
+        )
     _check(flight, inputs, who)
     first, last = flight.span_s
     t0 = first if t0_s is None else t0_s
+    if inputs.behind_s > 0.0:
+        t0 += _to_clock(flight, inputs, dt_s, t0)
     t1 = last + dt_s if t1_s is None else t1_s
     n = max(0, math.ceil((t1 - t0) / dt_s - 1e-9))
     t = t0 + dt_s * np.arange(n)
@@ -115,14 +151,20 @@ def bind(
     delay = np.zeros(len(inputs.names))
     # Stamps are rounded in logs; a value stamped within a nanosecond of the instant counts as known.
     now = t + 1e-9
+    then = now - inputs.behind_s
+    ahead = min(inputs.behind_s, 0.5 * dt_s)
     for j, name in enumerate(inputs.names):
         if name not in flight.measured:
             continue
         series = fresh(flight.measured[name])
         period = series.period_s
         if series.codes is None and math.isfinite(period) and dt_s > 1.5 * period:
-            z[:, j], age[:, j] = _mean_value(series, now, dt_s)
-            delay[j] = 0.5 * (dt_s - period)
+            z[:, j], age[:, j] = _mean_value(series, then + ahead, dt_s)
+            delay[j] = inputs.behind_s - ahead + 0.5 * (dt_s - period)
+        elif series.codes is None and inputs.behind_s > 0.0:
+            z[:, j], age[:, j] = _line_value(series, then, now)
+            delay[j] = inputs.behind_s
         else:
-            z[:, j], age[:, j] = _last_value(series, now)
+            z[:, j], age[:, j] = _last_value(series, then)
+            delay[j] = inputs.behind_s
     return Sample(t, z, np.maximum(age, 0.0), delay)

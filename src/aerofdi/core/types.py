@@ -101,19 +101,22 @@ class Channels(NamedTuple):
     """What a diagnoser reads or writes, in order.
 
     names, units: (n,) each. max_age_s: (n,) a value older than this is stale. optional: names that may be absent;
-    an absent optional channel is bound as NaN with infinite age.
+    an absent optional channel is bound as NaN with infinite age. behind_s: how far the instant described lies behind the
+    one at which it is described, so that a channel logged slowly is known on both sides of it (see `bind`).
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     max_age_s: tuple[float, ...] = ()
     optional: tuple[str, ...] = ()
+    behind_s: float = 0.0
 
 
 class Sample(NamedTuple):
     """A flight as one diagnoser sees it: t_s (n,), z (n, nz) last known values, age (n, nz) their ages in s.
 
-    delay_s (nz,) is the delay of the anti-alias mean of each channel, 0 where none was needed.
+    delay_s (nz,) is how far each channel lies behind t_s: what `behind_s` asks for and the delay of the anti-alias mean, 0
+    where neither was needed.
     """
 
     t_s: Array

@@ -30,10 +30,13 @@ TRIM_FLOOR = {"p": (0.02, 0.02), "q": (0.02, 0.10), "r": (0.02, 0.05)}
 TRIM_CAUSE = {"p": "beta", "q": "alpha", "r": "beta"}
 
 
-def from_identified(model: IdentifiedModel, max_age_s: dict[str, float], alarm: float = ALARM) -> Diagnoser:
+def from_identified(
+    model: IdentifiedModel, max_age_s: dict[str, float], alarm: float = ALARM, behind_s: float = 0.0
+) -> Diagnoser:
     """The diagnoser of an identified aircraft.
 
     max_age_s: for each channel of the model, how old a value may be. alarm: log-likelihood score that raises an alarm.
+    behind_s: how far behind the channels are read, so that slowly logged commands are known between their stamps.
     Hypotheses: for every identifiable group loss of effectiveness (estimate: gain that is left, 1 = all) and stuck
     (estimate: position in the unit of its commands); for groups of n surfaces also one of n stuck.
     """
@@ -43,7 +46,9 @@ def from_identified(model: IdentifiedModel, max_age_s: dict[str, float], alarm: 
     params = _params(model, names, table, np.array([max_age_s[n] for n in names]), alarm)
     return Diagnoser(
         name="effectiveness",
-        inputs=Channels(names, tuple(channels.values()), tuple(max_age_s[n] for n in names)),
+        inputs=Channels(
+            names, tuple(channels.values()), tuple(max_age_s[n] for n in names), behind_s=behind_s
+        ),
         outputs=Channels((), ()),
         hypotheses=(HEALTHY, *hypotheses),
         dt_s=model.dt_s,

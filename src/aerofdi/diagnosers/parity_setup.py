@@ -19,10 +19,12 @@ def from_identified(
     max_age_s: dict[str, float],
     threshold: tuple[float, ...] | None = None,
     bandwidth: float = BANDWIDTH,
+    behind_s: float = 0.0,
 ) -> Diagnoser:
     """Each rate on its own: predicted from commands, the other measured rates, air angles and the trim moment.
 
     threshold: rad/s for each axis of the model; None gives infinity-like limits, to see residuals before calibration.
+    behind_s: how far behind the channels are read (`core.bind`).
     """
     rates = [a.rate for a in model.axes]
     channels = model.channels
@@ -47,7 +49,7 @@ def from_identified(
             for g, _, _ in surfaces
         ]
     )
-    return from_linear(
+    d = from_linear(
         a,
         b,
         np.eye(na),
@@ -65,3 +67,4 @@ def from_identified(
         start=np.eye(na),
         airspeed=model.airspeed if math.isfinite(model.airspeed) else None,
     )
+    return d._replace(inputs=d.inputs._replace(behind_s=behind_s))

@@ -69,6 +69,13 @@ def sample_period(flight: Flight) -> float:
     return max(FASTEST_DT_S, round(max(periods), 4))
 
 
+def behind(flight: Flight, names: tuple[str, ...], dt_s: float) -> float:
+    """How far behind to read a flight, s: so many whole samples that nine steps in ten of each channel are over by then."""
+    steps = [np.diff(fresh(flight.measured[n]).t_s) for n in names if n in flight.measured]
+    long = max((float(np.quantile(x, 0.9)) for x in steps if len(x)), default=0.0)
+    return dt_s * math.ceil(long / dt_s - 0.01)
+
+
 def prepare(spans: Spans) -> Training:
     """Bind every span, group collinear commands, drop stale and non-finite rows, cut at gaps.
 
@@ -89,7 +96,10 @@ def prepare(spans: Spans) -> Training:
     speed = ("airspeed",) if "airspeed" in have and _varies(spans, "airspeed") else ()
     names = rates + commands + air + speed
     inputs = Channels(
-        names, tuple(have[n].unit for n in names), tuple(default_max_age(flight, n) for n in names)
+        names,
+        tuple(have[n].unit for n in names),
+        tuple(default_max_age(flight, n) for n in names),
+        behind_s=behind(flight, (*rates, *commands), dt),
     )
     pieces = [piece for f, t0, t1 in spans for piece in _pieces(f, inputs, dt, t0, t1)]
     pieces = [(t, z) for t, z in pieces if len(t) * dt >= 3.0]

@@ -16,7 +16,7 @@ from ..core.types import Flight
 from ..records import flown, read
 from .judge import Progress, judge
 from .spans import inside, parse_span, split, without
-from .train import Trained, calibrate, checked_rate, diagnosers, max_ages, train
+from .train import Trained, calibrate, checked_rate, diagnosers, timing, train
 from .types import FlightDiagnosis, Result, Span
 
 DIAGNOSERS = ("parity", "effectiveness")
@@ -199,7 +199,7 @@ def _outside(name: str, option: str, span: Span, flight: Flight) -> str:
 def _loaded(model: IdentifiedModel | None, flight: Flight) -> Trained:
     if model is None:
         raise AerofdiError("no model and no reference flight")
-    return Trained(model, diagnosers(model, max_ages(model, flight)), model.notes)
+    return Trained(model, diagnosers(model, timing(model, flight)), model.notes)
 
 
 def exit_code(found: Sequence[FlightDiagnosis], refused: int = 0) -> int:

@@ -17,6 +17,7 @@ from ..core.types import Array, Diagnoser, Flight, Status
 from ..design.parity import calibrate_threshold
 from ..diagnosers import effectiveness_setup, parity_setup
 from ..identify import from_aircraft, identify
+from ..identify.data import RATES, behind
 from .spans import split
 from .types import Span
 
@@ -36,12 +37,21 @@ class Trained(NamedTuple):
     notes: tuple[str, ...]
 
 
-def max_ages(model: IdentifiedModel, flight: Flight) -> dict[str, float]:
-    """For every channel of the model: five median periods of it in this flight, at least five model periods."""
-    return {
+class Timing(NamedTuple):
+    """How a model's channels are bound in one flight: how old each may be, and how far behind they are read, s."""
+
+    max_age_s: dict[str, float]
+    behind_s: float
+
+
+def timing(model: IdentifiedModel, flight: Flight) -> Timing:
+    """Ages: five median periods of the channel in this flight, at least five model periods. Behind: see `behind`."""
+    ages = {
         n: max(default_max_age(flight, n) if n in flight.measured else 0.0, 5.0 * model.dt_s)
         for n in model.channels
     }
+    names = tuple(n for n in model.channels if n in RATES or n.startswith("command."))
+    return Timing(ages, behind(flight, names, model.dt_s))
 
 
 def checked_rate(false_alarms_per_hour: float | None) -> float:
@@ -94,7 +104,6 @@ def calibrate(
 
     Raises CannotJudge where these spans look faulty to the model: a threshold above them would hide the fault.
     """
-    ages = max_ages(model, flight)
     highest = max(scores(flight, spans, model), default=0.0)
     _refuse(flight, spans, highest)
     rate = math.log(FALSE_ALARMS_PER_HOUR / checked_rate(false_alarms_per_hour))
@@ -105,20 +114,22 @@ def calibrate(
         for i in range(residuals.shape[1])
     )
     model = model._replace(calibration={"effectiveness_alarm": (alarm,), "parity_threshold": threshold})
-    return Trained(model, diagnosers(model, ages), model.notes)
+    return Trained(model, diagnosers(model, timing(model, flight)), model.notes)
 
 
-def diagnosers(model: IdentifiedModel, ages: dict[str, float]) -> tuple[Diagnoser, ...]:
+def diagnosers(model: IdentifiedModel, when: Timing) -> tuple[Diagnoser, ...]:
     """The diagnosers of a calibrated model."""
     if not model.calibration:
         raise CannotJudge(
             f"the model of {model.name} has no thresholds yet; give healthy flight with --healthy or --healthy-flight"
         )
-    parity = parity_setup.from_identified(model, ages, tuple(model.calibration["parity_threshold"]))
+    parity = parity_setup.from_identified(
+        model, when.max_age_s, tuple(model.calibration["parity_threshold"]), behind_s=when.behind_s
+    )
     found = [parity]
     if any(g.identifiable for g in model.groups):
         alarm = model.calibration["effectiveness_alarm"][0]
-        found.append(effectiveness_setup.from_identified(model, ages, alarm))
+        found.append(effectiveness_setup.from_identified(model, when.max_age_s, alarm, when.behind_s))
     return tuple(found)
 
 
@@ -126,7 +137,8 @@ def scores(flight: Flight, spans: list[Span], model: IdentifiedModel) -> list[fl
     """Highest effectiveness score in each span, not cut short by any alarm."""
     if not any(g.identifiable for g in model.groups):
         return []
-    d = effectiveness_setup.from_identified(model, max_ages(model, flight), UNCUT)
+    when = timing(model, flight)
+    d = effectiveness_setup.from_identified(model, when.max_age_s, UNCUT, when.behind_s)
     out = []
     for a, b in spans:
         _, verdict = run(d, bind(flight, d.inputs, d.dt_s, a, b, who=d.name))
@@ -136,7 +148,8 @@ def scores(flight: Flight, spans: list[Span], model: IdentifiedModel) -> list[fl
 
 def parity_residuals(flight: Flight, spans: list[Span], model: IdentifiedModel) -> Array:
     """Residuals (n, axes) where the parity diagnoser was judging."""
-    d = parity_setup.from_identified(model, max_ages(model, flight))
+    when = timing(model, flight)
+    d = parity_setup.from_identified(model, when.max_age_s, behind_s=when.behind_s)
     rows = []
     for a, b in spans:
         _, verdict = run(d, bind(flight, d.inputs, d.dt_s, a, b, who=d.name))

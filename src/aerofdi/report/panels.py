@@ -11,7 +11,7 @@ from ..core.run import run
 from ..core.types import Array, Flight, Series, Status
 from ..diagnosers import parity_setup
 from ..identify.data import command_channels
-from ..pipeline.train import max_ages
+from ..pipeline.train import timing
 from ..pipeline.types import FlightDiagnosis, Result, Run, Span
 from .traces import Panel, Trace, line
 from .words import AXES, LOSS, STUCK, alarm_level, hypothesis_text, ordered, spoken
@@ -86,7 +86,8 @@ def explained(d: FlightDiagnosis) -> tuple[Array, tuple[str, ...], Array, Array]
     """
     if d.model is None:
         return None
-    parity = parity_setup.from_identified(d.model, max_ages(d.model, d.flight))
+    when = timing(d.model, d.flight)
+    parity = parity_setup.from_identified(d.model, when.max_age_s, behind_s=when.behind_s)
     parity = parity._replace(params=parity.params._replace(sections=UNFILTERED))
     at = [parity.inputs.names.index(n) for n in parity.residuals]
     parts: list[tuple[Array, Array, Array]] = []
@@ -97,7 +98,7 @@ def explained(d: FlightDiagnosis) -> tuple[Array, tuple[str, ...], Array, Array]
             measured = sample.z[:, at]
             parts.append(
                 (
-                    sample.t_s,
+                    sample.t_s - when.behind_s,
                     measured,
                     np.where(np.isfinite(verdict.residual), verdict.residual + measured, np.nan),
                 )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import os
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -73,6 +74,16 @@ class _Source:
             i -= 1
         return (self.fresh[i], self.t[i]) if i >= 0 else (math.nan, -math.inf)
 
+    def line(self, then: float, now: float) -> tuple[float, float]:
+        """Between the values around `then` where the later one is stamped by `now`, else the earlier; and its stamp."""
+        i = bisect_right(self.t, then) - 1
+        if i < 0:
+            return math.nan, -math.inf
+        if i + 1 == len(self.t) or self.t[i + 1] > now:
+            return self.fresh[i], self.t[i]
+        t0, t1, v0, v1 = self.t[i], self.t[i + 1], self.fresh[i], self.fresh[i + 1]
+        return v0 + (v1 - v0) * ((then - t0) / (t1 - t0)), t0
+
     def mean(self, now: float, window: float) -> float | None:
         """Mean of the values in (now - window, now], None where there are none."""
         hi = len(self.t)
@@ -124,15 +135,23 @@ class _Passenger:
         self.next_look += 1
         t = float(self.t[j])
         now = t + 1e-9
+        behind = self.d.inputs.behind_s
+        then, ahead = now - behind, min(behind, 0.5 * dt)
         z, age = np.full(len(self.sources), np.nan), np.full(len(self.sources), np.inf)
         for i, source in enumerate(self.sources):
             if source is None:
                 continue
-            value, stamp = source.last(now)
+            seen = then
             if not source.coded and dt > 1.5 * source.period_s:
-                mean = source.mean(now, dt)
+                seen = then + ahead
+                value, stamp = source.last(seen)
+                mean = source.mean(seen, dt)
                 value = value if mean is None else mean
-            z[i], age[i] = value, max(now - stamp, 0.0)
+            elif not source.coded and behind > 0.0:
+                value, stamp = source.line(then, now)
+            else:
+                value, stamp = source.last(then)
+            z[i], age[i] = value, max(seen - stamp, 0.0)
         self.d.step_into(self.d.params, self.state, z, age, self.out, j)
 
 
