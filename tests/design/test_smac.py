@@ -90,7 +90,7 @@ def test_surface_the_autopilot_never_answers_is_judged_by_the_residual_alone(stu
 
 
 def test_fault_below_the_noise_is_refused_and_the_cause_named():
-    with pytest.raises(CannotJudge, match="'sensor noise'"):
+    with pytest.raises(CannotJudge, match=r"each degree of a stuck surface is 2 deg.*'sensor noise'"):
         design_smac(load_aircraft("ducard"), {**QUICK, "smallest_fault_deg": 0.2})
 
 
@@ -118,6 +118,24 @@ def test_unknown_settings_are_refused_by_name():
         make_spec({"evaluator": "guess"})
     with pytest.raises(WrongUse, match="together"):
         make_spec({"evaluator": "rectified"})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"amplitude_deg": 0.0}, r"amplitude_deg = 0\.0 .* above 0"),
+        ({"frequency_hz": "fast"}, "frequency_hz 'fast' .* a number"),
+        ({"frequency_hz": 60.0}, "fewer than 10 samples a period .* at most 5 is"),
+        ({"dt_s": -0.02}, "dt_s = -0.02"),
+        ({"torque_scale": math.nan}, "torque_scale nan"),
+        ({"release": 1.5}, "release = 1.5 .* at most 1"),
+        ({"axis": (0.1, 0.2)}, "three thresholds above 0"),
+        ({"calibration_s": 5.0}, "at least 20 s"),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name(wrong, said):
+    with pytest.raises(WrongUse, match=said):
+        make_spec(wrong)
 
 
 def test_the_papers_numbers_are_the_printed_ones():

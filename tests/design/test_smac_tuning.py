@@ -122,6 +122,19 @@ def test_excited_residual_solves_the_differential_equation():
     assert x.y[0] == pytest.approx(c1 - c2 * np.sin(w * x.t - phi0), abs=1e-8)
 
 
+def test_smallest_amplitude_keeps_sound_and_dead_apart():
+    """With it, the answers of a sound and of a dead surface in a noisy command are so many deviations apart."""
+    w, dt, n, answer, std, deviations = 2.0 * math.pi, 0.02, 50, 0.6, 0.01, 4.0
+    wave = np.sin(w * dt * np.arange(n))
+    noise = std * np.random.default_rng(0).standard_normal((4000, n))
+    quadrature = 2.0 / n * noise @ wave
+    A = tune.smallest_amplitude(quadrature.std(), answer, deviations)
+    heard = 2.0 / n * (noise - answer * A * wave) @ wave
+    assert -heard.mean() / heard.std() == pytest.approx(deviations, rel=0.05)
+    with pytest.raises(WrongUse, match="positive"):
+        tune.smallest_amplitude(std, 0.0, deviations)
+
+
 def test_lambda_max_is_the_mean_of_the_rectified_sine():
     t = np.linspace(0.0, 1.0, 100_001)
     assert np.mean(np.abs(0.035 * np.sin(2 * np.pi * t))) == pytest.approx(tune.lambda_max(0.035), rel=1e-4)

@@ -256,11 +256,17 @@ def _thresholds(
         if spec.smallest_fault_deg is None:
             deviation = tune.smallest_detectable(sum(gamma.values())) * (1.0 + 1e-9)
         window = tune.threshold_window(
-            gain * float(stiff[a]), float(stiff[a]), deviation, gamma, f"the {AXES[a]} axis"
+            gain * float(stiff[a]), float(stiff[a]), deviation, gamma, _where(a, len(members))
         )
         out[a] = (window.low, window.high)
         thresholds[a] = window.low
     return out, thresholds if spec.axis is None else np.array(spec.axis, float)
+
+
+def _where(axis: int, members: int) -> str:
+    """The axis in an error about (12), whose deviations count the twins that re-trim the aircraft."""
+    twins = "" if members == 1 else f" (where each degree of a stuck surface is {members} deg of deviation)"
+    return f"the {AXES[axis]} axis{twins}"
 
 
 def _certificate(

@@ -105,8 +105,48 @@ def make_spec(spec: Spec | Mapping[str, Any] | None) -> Spec:
     for value, known, what in ((out.rule, RULES, "rule"), (out.evaluator, EVALUATORS, "evaluator")):
         if value not in known:
             raise WrongUse(f"smac: {what} {value!r} is not known; known are {', '.join(known)}")
+    _check_numbers(out)
     if out.together and out.evaluator == "rectified":
         raise WrongUse(
             "smac: the rectified evaluator cannot test surfaces together; choose 'fused' or together=False"
         )
     return out
+
+
+# Settings that must be above 0; every other number may be 0, and airspeed, smallest_fault_deg and kappa None.
+_POSITIVE = (
+    "airspeed", "dt_s", "amplitude_deg", "frequency_hz", "f1_hz", "f2_hz", "f_i1_hz", "f_i2_hz", "f_i3_hz",
+    "threshold_sigmas", "gamma2", "release", "smallest_fault_deg", "lambda_share", "kappa", "torque_scale", "r_w", "r_v",
+    "odds", "max_age_s", "test_max_s",
+)  # fmt: skip
+_SHARES = ("release", "lambda_share", "stuck_below", "suspect")
+_OTHER = ("rule", "evaluator", "together", "follow_wind", "axis")
+_OPTIONAL = ("airspeed", "smallest_fault_deg", "kappa")
+_SAMPLES_A_PERIOD, _CALIBRATION_S = 10, 20.0
+
+
+def _check_numbers(spec: Spec) -> None:
+    """Refuse a setting that is no number or outside its range, by name."""
+    for name in Spec.__dataclass_fields__:
+        value = getattr(spec, name)
+        if name in _OTHER or (value is None and name in _OPTIONAL):
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise WrongUse(f"smac: {name} {value!r} was given; a number is accepted")
+        if value < 0 or (value == 0 and name in _POSITIVE) or (value > 1 and name in _SHARES):
+            low = "above 0" if name in _POSITIVE else "0 or more"
+            high = ", at most 1" if name in _SHARES else ""
+            raise WrongUse(f"smac: {name} = {value} was given; numbers {low}{high} are accepted")
+    if spec.axis is not None and not (len(spec.axis) == 3 and all(a > 0 for a in spec.axis)):
+        raise WrongUse(
+            f"smac: axis = {spec.axis} was given; three thresholds above 0 (p, q, r; rad/s) are accepted"
+        )
+    if spec.frequency_hz * spec.dt_s * _SAMPLES_A_PERIOD > 1.0:
+        raise WrongUse(
+            f"smac: frequency_hz = {spec.frequency_hz} leaves fewer than {_SAMPLES_A_PERIOD} samples a period at "
+            f"dt_s = {spec.dt_s}; at most {1.0 / (spec.dt_s * _SAMPLES_A_PERIOD):g} is accepted"
+        )
+    if spec.calibration_s < _CALIBRATION_S:
+        raise WrongUse(
+            f"smac: calibration_s = {spec.calibration_s} was given; the noise takes at least {_CALIBRATION_S:g} s to measure"
+        )

@@ -127,17 +127,18 @@ def lambda_max(A: float) -> float:
     return 2.0 * A / math.pi
 
 
-def smallest_amplitude(
-    command_std: float, answer: float, window_s: float, dt_s: float, deviations: float
-) -> float:
+def smallest_amplitude(command_std: float, answer: float, deviations: float) -> float:
     """The least A at which a sound and a dead surface are `deviations` standard deviations apart, rad.
 
-    Section 3.3 asks for A as large as the aircraft tolerates; this is the other bound. command_std: of the
-    amplitude the command has by itself at the test frequency over one window, rad. answer: |C/E| of a sound
-    surface.
+    Section 3.3 asks for A as large as the aircraft tolerates; this is the other bound. command_std: standard
+    deviation of one quadrature of the amplitude that the command has by itself at the test frequency over
+    one window, rad. answer: |C/E| of a sound surface.
     """
-    if not min(command_std, answer, window_s, dt_s) > 0:
-        raise WrongUse("smallest_amplitude needs a positive standard deviation, answer, window and period")
+    if not min(command_std, answer, deviations) > 0:
+        raise WrongUse(
+            f"smallest_amplitude needs a positive standard deviation, answer and number of deviations, but was given "
+            f"{command_std}, {answer} and {deviations}"
+        )
     return deviations * command_std / answer
 
 
