@@ -1,4 +1,4 @@
-"""The parts of SMAC against their formulas written out: detector (5), evaluator (17), its variance, the wind measure."""
+"""The parts of SMAC against their formulas: detector (5), evaluator (17), its variance, the wind measure."""
 
 import math
 

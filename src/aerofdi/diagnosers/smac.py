@@ -19,10 +19,10 @@ share). Several surfaces can be declared at once. event.reset above one half cle
 the used seconds.
 
 Guarantees: |excitation| <= budget at every sample; none after `seconds` of it in total, outside the
-attitude, altitude and track limits, or while an input is stale or not finite (a bad sample changes no state
-but a counter; afterwards the filter starts again). Loss of effectiveness of a surface that need not move
-leaves no residual in straight flight; only a sweep (`sweep_every_s`) finds it. Not modelled: sensor faults,
-which look like faults of surfaces to the detector.
+attitude, altitude and track limits, or while an input is stale or not finite (a bad sample ends the test
+under way and changes nothing else; afterwards the filter begins at the measured rates). Loss of
+effectiveness of a surface that need not move leaves no residual in straight flight; only a sweep
+(`sweep_every_s`) finds it. Not modelled: sensor faults, which look like faults of surfaces to the detector.
 
 Source: paper "smac". Beyond it: the synchronous evaluator, tests of several surfaces at once, thresholds
 that follow the wind (with a suspicion below the alarm that starts tests), estimates, budgets.
@@ -198,8 +198,10 @@ def _vane_activity(d: Detector, s: State, z: Array) -> float:
 
 @inline
 def _heed(d: Detector, s: State) -> None:
-    """Without excitation or suspicion: the mean square of each filtered residual, first of all, later of the
-    last while.
+    """The mean square of each filtered residual: of all that was heard, later of the last while.
+
+    Heard without excitation or suspicion, and at rest after a round of tests that found nothing: what no test
+    explains is taken for gusts in the end.
     """
     share = maximum(d.a_level, 1.0 / (1.0 + int(s.clock[HEEDED])))
     s.clock[HEEDED] += 1

@@ -11,14 +11,14 @@
 |       | surfaces              |         | `retest`: its twins again                                |
 |       |                       | REST    | every declared surface answers again                     |
 | REST  | nothing               | WATCH   | after `rest` (TRACK where a surface is declared)         |
-| HALT  | nothing;              | REST    | back in the envelope for `rest`; entered from TEST and   |
-|       | OUT_OF_ENVELOPE       |         | TRACK at once                                            |
+| HALT  | nothing;              | REST    | attitude back in the envelope for `rest` (altitude and   |
+|       | OUT_OF_ENVELOPE       |         | track count from there); entered from TEST, TRACK at once|
 | SPENT | nothing; labels stay, | WATCH   | `event.reset` only; entered when the seconds of          |
 |       | fall after `settle`   |         | excitation are used up                                   |
 |       | without suspicion     |         |                                                          |
 
-Suspicion is ThereIsaFault in still air or with fixed thresholds; in gusts it comes at a share of the threshold
-(see `smac.detect`).
+Suspicion is ThereIsaFault in still air or with fixed thresholds; in gusts it comes at a share of the
+threshold (see `smac.detect`).
 
 A decision needs `test_min` samples of excitation and evidence beyond `odds` (see `smac_health`): for "does
 not answer" the surface is declared, for "sound" it is acquitted. The evidence is weighed with the noise
@@ -266,8 +266,8 @@ def _foreign(p: Params, s: State) -> bool:
 
 @inline
 def _name_mode(p: Params, s: State, i: int) -> None:
-    """Stuck or partly effective: changed once what is left is clear of the edge, by 0.05 and by the noise of the
-    answer.
+    """Stuck or partly effective: changed once what is left is clear of the edge, by 0.05 and by the noise of
+    the answer.
     """
     beyond = remaining(p.probe, s, i) - p.probe.stuck_below
     clear = maximum(0.05, 3.0 * loss_std(p.probe, s, i))

@@ -224,10 +224,10 @@ class State(NamedTuple):
     """Memory between steps, for nu surfaces and a window of N samples; the columns are named above.
 
     kalman (9,): x and the lower triangle of Sigma. axes (3, 5): residual; through LP1; through LP1 and LP2;
-    through the estimate's filter; mean square of the third. surface (nu, 21). count (nu, 4): samples averaged into the answer;
-    samples excited; label (0 sound, 1 stuck, 2 partly effective); verdict of this round (0 untested, 1
-    sound, 2 undecided). ring (2 nu + 3, N):
-    commands without mean, excitations, residuals. misc (16,). clock (15,).
+    through the estimate's filter; mean square of the third. surface (nu, 21). count (nu, 4): samples averaged
+    into the answer; samples excited; label (0 sound, 1 stuck, 2 partly effective); verdict of this round (0
+    untested, 1 sound, 2 undecided). ring (2 nu + 3, N): commands without mean, excitations, residuals. misc
+    (16,). clock (15,).
     """
 
     kalman: Array
