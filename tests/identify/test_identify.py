@@ -78,7 +78,7 @@ def test_mirrored_commands_become_one_group_and_a_mixed_rudder_is_counted_with_i
     x = rng.normal(size=500)
     u = np.column_stack((x, -x, 0.3 * x + 1e-4 * rng.normal(size=500), rng.normal(size=500)))
     names = ("command.aileron_left", "command.aileron_right", "command.rudder", "command.elevator")
-    groups, notes = group_commands(names, "1", u)
+    groups, notes = group_commands(names, ("1",) * 4, u)
     assert [g.name for g in groups] == ["aileron", "elevator"]
     assert groups[0].weights == (0.5, -0.5)
     assert any("rudder" in n and "cannot be told apart" in n for n in notes)
@@ -86,8 +86,79 @@ def test_mirrored_commands_become_one_group_and_a_mixed_rudder_is_counted_with_i
 
 def test_constant_commands_are_left_out():
     u = np.column_stack((np.full(100, 0.1), np.random.default_rng(0).normal(size=100)))
-    groups, _ = group_commands(("command.aileron", "command.elevator"), "1", u)
-    assert [g.name for g in groups] == ["elevator"]
+    groups, _ = group_commands(("command.aileron", "command.elevator"), ("1", "rad"), u)
+    assert [(g.name, g.unit) for g in groups] == [("elevator", "rad")]
+
+
+def test_surfaces_of_two_units_are_no_pair():
+    x = np.random.default_rng(0).normal(size=100)
+    names = ("command.aileron_left", "command.aileron_right")
+    groups, notes = group_commands(names, ("rad", "1"), np.column_stack((0.4 * x, -x)))
+    assert [(g.channels, g.unit) for g in groups] == [(("command.aileron_left",), "rad")]
+    assert len(notes) == 1 and "aileron_right" in notes[0] and "cannot be told apart" in notes[0]
+
+
+def without(flight, *names, **meta):
+    return Flight({k: s for k, s in flight.measured.items() if k not in names}, meta=meta)
+
+
+def test_of_unlike_flights_what_all_hold_is_used_and_the_rest_named(model):
+    t = syn.DT * np.arange(3000)
+    first = without(syn.fly(60.0, seed=3), source="first.csv").with_measured(
+        r=Series(t, 0.1 * np.sin(t), "rad/s"), alpha=Series(t, 0.1 * np.sin(t), "rad"),
+        airspeed=Series(t, 20.0 + np.sin(t), "m/s"), **{"command.rudder": Series(t, 0.1 * np.sin(3 * t), "rad")},
+    )  # fmt: skip
+    second = without(syn.fly(60.0, seed=4), source="second.csv")
+    for flights in ((first, second), (second, first)):
+        m = identify([(f, 0.0, 60.0) for f in flights])
+        assert [a.rate for a in m.axes] == ["p", "q"] and {g.name for g in m.groups} == {
+            "aileron",
+            "elevator",
+        }
+        assert not {"alpha", "airspeed", "command.rudder", "r"} & set(m.channels)
+        assert m.axes[0].coefficient("command.aileron") == pytest.approx(40.0, rel=0.2)
+        for name in ("r", "command.rudder"):
+            assert f"{name} is left out: second.csv does not have it" in m.notes
+
+
+def test_of_flights_at_two_rates_the_slower_one_sets_the_period():
+    fast, slow = syn.fly(60.0, seed=3), syn.fly(60.0, seed=4)
+    slow = slow.with_measured(
+        **{n: s._replace(t_s=s.t_s[::2], value=s.value[::2]) for n, s in slow.measured.items()}
+    )
+    for flights in ((fast, slow), (slow, fast)):
+        m = identify([(f, 0.0, 60.0) for f in flights])
+        assert m.dt_s == pytest.approx(0.04)
+        assert m.axes[0].coefficient("command.aileron") == pytest.approx(40.0, rel=0.25)
+
+
+def test_flights_that_do_not_fit_together_are_refused_with_both_named():
+    first = without(syn.fly(30.0, seed=3), source="first.csv")
+    c = first.measured["command.elevator"]
+    other = first.with_measured(**{"command.elevator": c._replace(unit="1")})
+    second = Flight(other.measured, meta={"source": "second.csv"})
+    with pytest.raises(
+        WrongUse, match=r"'command.elevator', but first.csv has it in 'rad' and second.csv in '1'"
+    ):
+        identify([(first, 0.0, 30.0), (second, 0.0, 30.0)])
+    a, b = (
+        without(first, "command.aileron", source="a.csv"),
+        without(first, "command.elevator", source="b.csv"),
+    )
+    with pytest.raises(MissingChannel, match=r"a.csv has command.elevator; b.csv has command.aileron"):
+        identify([(a, 0.0, 30.0), (b, 0.0, 30.0)])
+    bare = without(first, "command.elevator", "command.aileron", source="bare.csv")
+    with pytest.raises(MissingChannel, match=r"surface commands.*bare.csv"):
+        identify([(first, 0.0, 30.0), (bare, 0.0, 30.0)])
+
+
+def test_units_are_those_of_each_group_not_of_the_first_command():
+    f = syn.fly(30.0, seed=5)
+    c = f.measured["command.elevator"]
+    m = identify(
+        [(f.with_measured(**{"command.elevator": c._replace(value=c.value / 0.4, unit="1")}), 0.0, 30.0)]
+    )
+    assert {g.name: g.unit for g in m.groups} == {"aileron": "rad", "elevator": "1"}
 
 
 def test_delay_and_lag_are_what_their_names_say():

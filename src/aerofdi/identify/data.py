@@ -9,7 +9,7 @@ import numpy as np
 
 from ..aircraft.identified import SurfaceGroup
 from ..core.bind import bind, default_max_age, fresh
-from ..core.errors import CannotJudge, MissingChannel
+from ..core.errors import CannotJudge, MissingChannel, WrongUse
 from ..core.types import Array, Channels, Flight
 
 RATES = ("p", "q", "r")
@@ -79,42 +79,84 @@ def behind(flight: Flight, names: tuple[str, ...], dt_s: float) -> float:
 def prepare(spans: Spans) -> Training:
     """Bind every span, group collinear commands, drop stale and non-finite rows, cut at gaps.
 
-    spans: (flight, t0_s, t1_s) of healthy flight. Raises MissingChannel where rates or surface commands are absent,
-    CannotJudge where no command moves or the spans are too short.
+    spans: (flight, t0_s, t1_s) of healthy flight. Flights may differ: what all of them hold is used, at the period of
+    the slowest, and notes name what is left out. Raises MissingChannel where rates or surface commands are absent,
+    WrongUse where a channel has two units, CannotJudge where no command moves or the spans are too short.
     """
-    flight = spans[0][0]
-    dt = sample_period(flight)
-    commands = command_channels(flight)
-    if not commands:
-        raise MissingChannel(
-            f"surface commands (command.<surface>) are needed to identify an aircraft, but {flight.name} has "
-            f"{', '.join(sorted(flight.measured))}; map them in [channels] of the profile"
-        )
-    have = flight.measured
-    rates = tuple(r for r in RATES if r in have)
-    air = tuple(a for a in AIR if a in have and _varies(spans, a))
-    speed = ("airspeed",) if "airspeed" in have and _varies(spans, "airspeed") else ()
-    names = rates + commands + air + speed
-    inputs = Channels(
-        names,
-        tuple(have[n].unit for n in names),
-        tuple(default_max_age(flight, n) for n in names),
-        behind_s=behind(flight, (*rates, *commands), dt),
+    flights = list({id(f): f for f, _, _ in spans}.values())
+    dt = max(sample_period(f) for f in flights)
+    rates, left = _shared(
+        "angular rates", flights, [tuple(r for r in RATES if r in f.measured) for f in flights]
     )
-    pieces = [piece for f, t0, t1 in spans for piece in _pieces(f, inputs, dt, t0, t1)]
+    commands, more = _shared(
+        "surface commands (command.<surface>)", flights, [command_channels(f) for f in flights]
+    )
+    air = tuple(a for a in AIR if _everywhere(flights, a) and _varies(spans, a))
+    speed = tuple(v for v in ("airspeed",) if _everywhere(flights, v) and _varies(spans, v))
+    names = rates + commands + air + speed
+    units = tuple(_unit(flights, n) for n in names)
+    pieces = [
+        piece for f, t0, t1 in spans for piece in _pieces(f, names, units, rates + commands, dt, t0, t1)
+    ]
     pieces = [(t, z) for t, z in pieces if len(t) * dt >= 3.0]
     if sum(len(t) for t, _ in pieces) * dt < 10.0:
         raise CannotJudge(
-            f"{flight.name}: less than 10 s of unbroken healthy data with {', '.join(names)}; "
+            f"{_listed(flights)}: less than 10 s of unbroken healthy data with {', '.join(names)}; "
             f"give a longer span with --healthy T0:T1"
         )
     every = np.concatenate([z for _, z in pieces])
-    first = len(rates)
-    groups, notes = group_commands(commands, have[commands[0]].unit, every[:, first : first + len(commands)])
+    first, last = len(rates), len(rates) + len(commands)
+    groups, notes = group_commands(commands, units[first:last], every[:, first:last])
     v0 = float(np.mean(every[:, -1])) if speed else math.nan
     segments = tuple(_segment(t, z, len(rates), commands, groups, len(air), v0, dt) for t, z in pieces)
-    period = max(fresh(have[c]).period_s for c in commands)
-    return Training(dt, groups, rates, air, v0, segments, notes, period)
+    period = max(fresh(f.measured[c]).period_s for f in flights for c in commands)
+    return Training(dt, groups, rates, air, v0, segments, (*left, *more, *notes), period)
+
+
+def _listed(flights: list[Flight]) -> str:
+    return ", ".join(f.name for f in flights)
+
+
+def _everywhere(flights: list[Flight], name: str) -> bool:
+    return all(name in f.measured for f in flights)
+
+
+def _shared(
+    what: str, flights: list[Flight], have: list[tuple[str, ...]]
+) -> tuple[tuple[str, ...], list[str]]:
+    """The channels every flight has, and a note for each that only some have."""
+    for flight, channels in zip(flights, have, strict=True):
+        if not channels:
+            raise MissingChannel(
+                f"{what} are needed to identify an aircraft, but {flight.name} has "
+                f"{', '.join(sorted(flight.measured))}; map them in [channels] of the profile"
+            )
+    every = [n for n in dict.fromkeys(n for channels in have for n in channels)]
+    shared = tuple(n for n in every if all(n in channels for channels in have))
+    if not shared:
+        told = "; ".join(f"{f.name} has {', '.join(c)}" for f, c in zip(flights, have, strict=True))
+        raise MissingChannel(
+            f"the flights to identify one aircraft from share no {what}: {told}; "
+            f"give flights of one aircraft, or map their channels to the same names in [channels] of the profile"
+        )
+    notes = []
+    for n in every:
+        without = [f for f, channels in zip(flights, have, strict=True) if n not in channels]
+        if without:
+            notes.append(f"{n} is left out: {_listed(without)} does not have it")
+    return shared, notes
+
+
+def _unit(flights: list[Flight], name: str) -> str:
+    """The unit of a channel, which must be one in all flights: a full command cannot be told in rad."""
+    first = flights[0]
+    for f in flights[1:]:
+        if f.measured[name].unit != first.measured[name].unit:
+            raise WrongUse(
+                f"one model needs one unit of {name!r}, but {first.name} has it in {first.measured[name].unit!r} and "
+                f"{f.name} in {f.measured[name].unit!r}; map both alike in [channels] of the profile"
+            )
+    return first.measured[name].unit
 
 
 def _varies(spans: Spans, name: str) -> bool:
@@ -124,9 +166,20 @@ def _varies(spans: Spans, name: str) -> bool:
     return len(values) > 10 and float(np.ptp(values)) > 1e-6
 
 
-def _pieces(flight: Flight, inputs: Channels, dt: float, t0: float, t1: float) -> list[tuple[Array, Array]]:
+def _pieces(
+    flight: Flight,
+    names: tuple[str, ...],
+    units: tuple[str, ...],
+    timed: tuple[str, ...],
+    dt: float,
+    t0: float,
+    t1: float,
+) -> list[tuple[Array, Array]]:
+    """Unbroken stretches (t, z) of one span; `timed` are the channels that say how far behind it is read."""
+    ages = tuple(default_max_age(flight, n) for n in names)
+    inputs = Channels(names, units, ages, behind_s=behind(flight, timed, dt))
     sample = bind(flight, inputs, dt, t0, t1, who="identify")
-    good = np.isfinite(sample.z).all(axis=1) & (sample.age <= np.asarray(inputs.max_age_s)).all(axis=1)
+    good = np.isfinite(sample.z).all(axis=1) & (sample.age <= np.asarray(ages)).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], good.astype(int), [0]))))
     return [(sample.t_s[i:j], sample.z[i:j]) for i, j in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -172,12 +225,12 @@ def shift(x: Array, dt: float, delay_s: float) -> Array:
 
 
 def group_commands(
-    names: tuple[str, ...], unit: str, u: Array
+    names: tuple[str, ...], units: tuple[str, ...], u: Array
 ) -> tuple[tuple[SurfaceGroup, ...], tuple[str, ...]]:
     """Groups of commands whose correlation in training exceeds 0.99 in size, and notes; constant ones are left out.
 
-    Surfaces of one kind (both ailerons) form a group. A surface of another kind that moves in proportion to it (a
-    rudder mixed to the ailerons) cannot be told apart: its effect stays inside the group of the kind that comes
+    Surfaces of one kind and unit (both ailerons) form a group. Another surface that moves in proportion to it (a rudder
+    mixed to the ailerons) cannot be told apart: its effect stays inside the group of the kind that comes
     first in KINDS, and a note says so.
     """
     deviation = u.std(axis=0)
@@ -190,7 +243,7 @@ def group_commands(
         alike = [g for g in groups if abs(np.corrcoef(u[:, g[0]], u[:, j])[0, 1]) > COLLINEAR]
         if not alike:
             groups.append([j])
-        elif kind(names[alike[0][0]]) == kind(names[j]):
+        elif (kind(names[alike[0][0]]), units[alike[0][0]]) == (kind(names[j]), units[j]):
             alike[0].append(j)
         else:
             notes.append(
@@ -199,7 +252,7 @@ def group_commands(
             )
     members = [[names[j] for j in g] for g in groups]
     made = tuple(
-        _make_group(name, channels, unit, u[:, g])
+        _make_group(name, channels, units[g[0]], u[:, g])
         for name, channels, g in zip(group_names(members), members, groups, strict=True)
     )
     return made, tuple(notes)
