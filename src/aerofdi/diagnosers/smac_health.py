@@ -232,7 +232,8 @@ def _weigh(p: Params, s: State, i: int, lost: float) -> None:
 
     lost is one window's estimate of variance v. The first window brings (lost - threshold) / v; consecutive
     windows share all but one of N samples, so each further sample brings 1/N of that. Steps are bounded so
-    that the change of a label never rests on one sample.
+    that the change of a label never rests on one sample, in a sweep not on one window: a fault elsewhere that
+    begins during it shakes the aircraft for about as long.
     """
     tracking = s.count[i, LABEL] > 0
     odds = needed_odds(p, s)
@@ -248,7 +249,10 @@ def _weigh(p: Params, s: State, i: int, lost: float) -> None:
     else:
         step = gap / maximum(window_variance(p.probe, s, i), 1e-9)
         first = s.count[i, HEARD] == 1 and not tracking
-        most = odds - most if first else most
+        if s.clock[SWEEP] > 0 and not tracking:
+            most = 0.5 * odds if first else odds / p.probe.window
+        elif first:
+            most = odds - most
         step = clip(step if first else step / p.probe.window, -most, most)
     evidence = float(s.surface[i, EVIDENCE])
     s.surface[i, EVIDENCE] = maximum(evidence - step, 0.0) if tracking else evidence + step
