@@ -18,11 +18,11 @@ NOISE = 0.004
 DELAY_S = 0.06
 
 
-def fly(duration_s=120.0, seed=0, gain=None, stuck=None, start_s=math.inf, gust=1.0, speed=None):
+def fly(duration_s=120.0, seed=0, gain=None, stuck=None, start_s=math.inf, gust=1.0, speed=None, lively=1.0):
     """Aileron and elevator aircraft with an attitude-like random reference and rate feedback.
 
-    gain: {surface: g}; stuck: {surface: position in rad}; both from start_s on. gust scales the gusts. speed: airspeed
-    over its mean as a function of time; where given, an airspeed channel is recorded.
+    gain: {surface: g}; stuck: {surface: position in rad}; both from start_s on. gust scales the gusts, lively the
+    reference. speed: airspeed over its mean as a function of time; where given, an airspeed channel is recorded.
     """
     rng = np.random.default_rng(seed)
     n = round(duration_s / DT)
@@ -35,7 +35,7 @@ def fly(duration_s=120.0, seed=0, gain=None, stuck=None, start_s=math.inf, gust=
     for k in range(n):
         v = speed(t[k]) if speed else 1.0
         if k % 75 == 0:
-            reference = rng.normal(0.0, (0.7, 0.4))
+            reference = lively * rng.normal(0.0, (0.7, 0.4))
         for r in A:
             rates[r][k] = state[r][0] + NOISE * rng.standard_normal()
         want = np.array([0.10 * (reference[0] - rates["p"][k]), -0.08 * (reference[1] - rates["q"][k])])

@@ -155,10 +155,26 @@ def test_plain_python_gives_the_same_verdict():
     assert out[0][-1, -1] == 1.0, "an alarm was raised in both"
 
 
-def test_a_group_nobody_answers_cannot_be_judged(model):
-    assert all(g.identifiable for g in model.groups)
-    none = model._replace(groups=tuple(g._replace(identifiable=False) for g in model.groups))
-    from aerofdi.pipeline.train import diagnosers
+def test_a_group_nobody_answers_has_no_hypotheses_and_changes_nothing_else(model, diagnoser):
+    idle = model._replace(
+        groups=tuple(g._replace(identifiable=g.name != "elevator") for g in model.groups),
+        calibration={"effectiveness_alarm": (12.0,), "parity_threshold": (0.5, 0.3)},
+    )
+    from aerofdi.pipeline.train import Timing, diagnosers
 
-    with pytest.raises(CannotJudge, match="thresholds"):
-        diagnosers(none, {})
+    when = Timing(dict.fromkeys(model.channels, 0.2), 0.0)
+    parity, one = diagnosers(idle, when)
+    assert parity.name == "parity" and {h.fault for h in one.hypotheses} == {"none", "aileron"}
+    f = syn.fly(60.0, seed=4, stuck={"aileron": 0.08}, start_s=30.0)
+    (t, v), (_, both) = judge(one, f), judge(diagnoser, f)
+    assert not v.detected[t < 30.0].any() and named(one, v) == [("aileron", "stuck")]
+    np.testing.assert_allclose(v.residual, both.residual)
+    none = idle._replace(groups=tuple(g._replace(identifiable=False) for g in idle.groups))
+    assert [d.name for d in diagnosers(none, when)] == ["parity"]
+
+
+def test_a_model_without_thresholds_is_refused(model):
+    from aerofdi.pipeline.train import Timing, diagnosers
+
+    with pytest.raises(CannotJudge, match=r"synthetic has no thresholds.*--healthy"):
+        diagnosers(model, Timing(dict.fromkeys(model.channels, 0.2), 0.0))

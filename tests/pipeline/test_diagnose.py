@@ -111,12 +111,53 @@ def test_commands_that_never_move_are_cannot_judge():
     assert d.verdict == "cannot_judge" and "surface commands moving" in d.results[0].reason
 
 
-def test_hardly_any_excitation_is_not_called_healthy():
+@pytest.mark.parametrize("gain", [None, {"aileron": 0.0, "elevator": 0.0}])
+def test_hardly_any_excitation_is_not_called_healthy(healthy, gain):
+    """Where nothing is asked for, not even a surface without any effect can show, and that is what is said."""
+    quiet, lively = (
+        diagnose(syn.fly(60.0, seed=61, gust=g, lively=g, gain=gain, start_s=0.0), aircraft=healthy.model,
+                 judge_span="5:60")[0].results[1]
+        for g in (0.02, 1.0)
+    )  # fmt: skip
+    assert quiet.verdict == "cannot_judge" and "too little excitation" in quiet.reason and not quiet.events
+    assert len(quiet.minimum_detectable) == 2 and min(quiet.minimum_detectable.values()) > 1.0
+    assert np.mean(quiet.run.verdict.status == Status.OK) > 0.95, "no data were missing"
+    assert lively.verdict == ("fault" if gain else "healthy")
+
+
+def test_the_less_is_judged_the_larger_the_fault_that_might_stay_unseen(healthy):
     f = syn.fly(200.0, seed=49)
-    quiet = diagnose([f], judge_span="100:104")[0].results[1]
-    assert quiet.verdict in {"cannot_judge", "healthy"}
-    if quiet.verdict == "healthy":
-        assert min(quiet.minimum_detectable.values()) > 0.3
+    few, some = (
+        diagnose(f, aircraft=healthy.model, judge_span=s)[0].results[1] for s in ("100:104", "100:140")
+    )
+    assert set(few.minimum_detectable) == set(some.minimum_detectable)
+    assert all(few.minimum_detectable[k] > some.minimum_detectable[k] + 0.1 for k in some.minimum_detectable)
+
+
+def test_a_group_nobody_answers_is_named_and_never_accused():
+    """A rudder moves at random and turns nothing: no hypothesis is about it, and alone it is no ground to judge on."""
+    f = syn.fly(160.0, seed=62, gain={"aileron": 0.2}, start_s=110.0)
+    t = f.measured["p"].t_s
+    steps = np.repeat(np.random.default_rng(0).normal(0.0, 0.1, len(t) // 25 + 1), 25)[: len(t)]
+    idle = f.with_measured(**{"command.rudder": Series(t, steps, "rad")})
+    d = diagnose(idle, healthy="0:100")[0]
+    assert {g.name: g.identifiable for g in d.model.groups} == {
+        "aileron": True,
+        "elevator": True,
+        "rudder": False,
+    }
+    assert any("rudder" in n and "cannot be judged" in n for n in d.notes)
+    r = d.results[1]
+    assert {h.fault for h in r.run.diagnoser.hypotheses} == {"none", "aileron", "elevator"}
+    assert not any("rudder" in key for result in d.results for key in result.minimum_detectable)
+    assert (
+        r.verdict == "fault" and r.events[0]["t_s"] > 110.0 and "rudder" not in {e["fault"] for e in r.events}
+    )
+    alone = Flight(
+        {k: s for k, s in idle.measured.items() if k not in ("command.aileron", "command.elevator")}
+    )
+    only = diagnose(alone, healthy="0:100")[0]
+    assert [r.verdict for r in only.results] == ["cannot_judge"] * 2 and exit_code([only]) == 3
 
 
 def test_a_published_aircraft_is_used_with_this_flights_noise():

@@ -164,6 +164,7 @@ def episodes(flight, side):
 
 
 def test_every_strong_loss_on_the_left_is_found_within_five_seconds(wing):
+    """And not before: half a minute without any alarm, while judging, goes before each."""
     r = result(wing)
     strong = [(a, b) for a, b, g in episodes(wing.flight, "elevon_left") if g == 0.3][:3]
     assert len(strong) == 3
@@ -171,6 +172,9 @@ def test_every_strong_loss_on_the_left_is_found_within_five_seconds(wing):
     for a, _ in strong:
         now = (r.run.t_s >= a) & (r.run.t_s <= a + 5.0)
         assert r.run.verdict.active[now][:, left].any()
+        before = (r.run.t_s >= a - 30.0) & (r.run.t_s < a - 0.3)
+        assert not r.run.verdict.detected[before].any()
+        assert np.mean(r.run.verdict.status[before] == Status.OK) > 0.95
 
 
 def test_a_loss_on_the_right_is_never_called_left(wing):
