@@ -65,7 +65,7 @@ def _plain_us() -> float:
 
 def run() -> dict:
     """Medians of interleaved runs over the still-air flight of the paper (300 s at 50 Hz)."""
-    flight = flown("ordered", 0.0, 1).flight
+    flight = flown("ordered").flight
     jobs = {}
     for name, d, f in (
         ("smac", diagnoser("ordered"), flight),

@@ -115,6 +115,21 @@ def test_gusts_start_tests_but_raise_no_alarm_and_accuse_nobody():
     assert not following.detected.any() and not following.active[:, 1:].any()
 
 
+def test_surface_stuck_since_before_the_start_is_found(fly):
+    """The running variance of the residual must not take a fault for gusts."""
+    _, seen = fly([Fault("aileron_left", "stuck", 0.0, value=4.0 * DEG, about="trim")], 20.0)
+    k = np.flatnonzero(seen.verdict.detected)[0]
+    assert seen.t_s[k] < 9.0 and declared(seen.verdict)[-1].tolist() == [True] + [False] * 4
+
+
+@pytest.mark.parametrize("surface", ["aileron_right", "elevator_left"])
+def test_transient_of_a_large_fault_accuses_no_other_surface(fly, surface):
+    for seed in (21, 22):
+        _, seen = fly([Fault(surface, "stuck", 12.0, value=9.0 * DEG, about="trim")], 22.0, seed=seed)
+        found = declared(seen.verdict).any(axis=0)
+        assert found.tolist() == [s == surface for s in SURFACES]
+
+
 def test_two_stuck_surfaces_are_both_found(fly):
     flight, w = fly(
         [

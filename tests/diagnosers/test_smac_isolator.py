@@ -227,3 +227,26 @@ def test_spent_budget_leaves_the_label_until_the_suspicion_has_gone():
     reset(m.s)
     m.step(2)
     assert m.mode == TEST and m.excited, "event.reset gives the seconds back"
+
+
+def test_a_climb_it_has_left_for_good_does_not_keep_it_halted():
+    m = Machine()
+    m.residual(ROLL, 4.0)
+    m.z[t.THETA] += 0.35
+    m.suspect()
+    assert m.step(3) == TEST
+    m.z[t.THETA] -= 0.35
+    assert m.step() == HALT, "far from where the test began"
+    m.step(2 * m.p.timing.rest)
+    assert m.mode != HALT
+
+
+def test_a_sweep_that_was_halted_is_over():
+    m = Machine(sweep_every=50)
+    m.step(51)
+    assert m.s.clock[t.SWEEP] == 1
+    m.z[t.PHI] = 1.0
+    assert m.step() == HALT
+    m.z[t.PHI] = 0.0
+    m.step(m.p.timing.rest + 1)
+    assert m.mode != HALT and needed_odds(m.p, m.s) == m.odds

@@ -9,7 +9,14 @@ from scipy.signal import lfilter
 from aerofdi.core import Status, empty_verdict
 from aerofdi.diagnosers import smac
 from aerofdi.diagnosers import smac_types as t
-from aerofdi.diagnosers.smac_health import evaluate_health, listen, watch_commands, window_variance
+from aerofdi.diagnosers.smac_health import (
+    MODEL,
+    WAVER,
+    evaluate_health,
+    listen,
+    watch_commands,
+    window_variance,
+)
 from aerofdi.papers.smac.methods import design, diagnoser
 
 DEG = math.pi / 180.0
@@ -82,7 +89,10 @@ def test_variance_of_the_lost_share_is_that_of_many_windows():
     high = command - low_pass(probe.a_mean, command)
     blocks = high[n:].reshape(-1, n) @ np.exp(-1j * omega * np.arange(n)) * 2.0 / n
     lost = -(blocks / (A * R0)).real
-    assert window_variance(probe, s, i) == pytest.approx(lost.var(), rel=0.2)
+    assert lost.var() > MODEL
+    assert window_variance(probe, s, i) - MODEL == pytest.approx(lost.var(), rel=0.2)
+    s.count[i, t.LABEL] = 1
+    assert window_variance(probe, s, i) - WAVER == pytest.approx(lost.var(), rel=0.2)
 
 
 def test_vanes_raise_the_thresholds_and_their_own_noise_does_not():

@@ -58,8 +58,10 @@ from .smac_types import (
     AXES,
     AXIS,
     BETA,
+    BIAS,
     BUDGET,
     C_COS,
+    C_SUM,
     CALM,
     DELTA,
     FIRST,
@@ -104,7 +106,7 @@ NONFINITE, STALE, NOT_READY, OUTSIDE = (
 )
 HOLD_LEVEL = int(Request.HOLD_LEVEL)
 # Of the mean square of a residual in gusts: it is taken in their quieter moments, and scatters.
-MARGIN = 1.4
+MARGIN = 1.6
 RESIDUALS = ("roll rate", "pitch rate", "yaw rate", "gamma2")
 
 
@@ -133,6 +135,7 @@ def _start(p: Params, s: State, z: Array) -> None:
     s.kalman[3], s.kalman[5], s.kalman[8] = 1.0, 1.0, 1.0
     s.ring[:] = 0.0
     s.surface[:, C_COS : R_SIN + 1] = 0.0
+    s.surface[:, C_SUM] = 0.0
     for i in range(n):
         s.surface[i, MEAN], s.surface[i, TRIM], s.surface[i, NOISE] = z[FIRST + i], z[FIRST + i], 0.0
     if p.vanes > 0:
@@ -166,9 +169,13 @@ def follow_wind(p: Params, s: State, z: Array) -> None:
     """
     d, axes, misc = p.detector, s.axes, s.misc
     more = _vane_activity(d, s, z) if p.vanes > 0 else 0.0
+    # 1.25 relative standard deviations, 2 / sqrt(heard a2), of a variance from so many samples: LP1 and LP2
+    # tie 2 / a2 of them together.
+    heard = maximum(1.0, minimum(float(s.clock[HEEDED]), 1.0 / d.a_level))
+    scatter = 2.5 / sqrt(heard * d.a2)
     for i in range(3):
-        more_power = float(axes[i, POWER]) / float(d.quiet[i]) ** 2 - 1.0
-        own = sqrt(1.0 + MARGIN * maximum(more_power, 0.0))
+        excess = float(axes[i, POWER]) / float(d.quiet[i]) ** 2 - 1.0 - scatter
+        own = sqrt(1.0 + MARGIN * maximum(excess, 0.0))
         vanes = sqrt(1.0 + d.wind_gain[i] * d.wind_gain[i] * more)
         misc[SCALE + i] = maximum(own, vanes)
         misc[TEST_SCALE + i] = maximum(1.0, d.suspect * misc[SCALE + i])
@@ -198,16 +205,18 @@ def _vane_activity(d: Detector, s: State, z: Array) -> float:
 
 @inline
 def _heed(d: Detector, s: State) -> None:
-    """The mean square of each filtered residual: of all that was heard, later of the last while.
+    """The variance of each filtered residual: of all that was heard, later of the last while.
 
-    Heard without excitation or suspicion, and at rest after a round of tests that found nothing: what no test
+    About its own mean, so that a fault that stays, or was there from the start, does not pass for gusts. Heard
+    without excitation or suspicion, and at rest after a round of tests that found nothing: what no test
     explains is taken for gusts in the end.
     """
     share = maximum(d.a_level, 1.0 / (1.0 + int(s.clock[HEEDED])))
     s.clock[HEEDED] += 1
     for i in range(3):
-        level = float(s.axes[i, LEVEL])
-        s.axes[i, POWER] += share * (level * level - float(s.axes[i, POWER]))
+        away = float(s.axes[i, LEVEL]) - float(s.axes[i, BIAS])
+        s.axes[i, BIAS] += share * away
+        s.axes[i, POWER] += share * ((1.0 - share) * away * away - float(s.axes[i, POWER]))
 
 
 @inline
@@ -295,8 +304,7 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
     clock[READY] += 1
     # The filter needs a moment after a start; the detector's filters begin behind it.
     ready = clock[READY] > p.timing.settle
-    detecting = 2 * clock[READY] > p.timing.settle
-    if detecting:
+    if 2 * clock[READY] > p.timing.settle:
         detect(p.detector, s)
         _estimate(p, s, z)
     if ready:
@@ -306,7 +314,8 @@ def step_into(params: Params, state: State, z: Array, age: Array, out: Verdict, 
         clock[FLAG], clock[SUSPECT] = 0, 0
     if clock[CALM] > p.probe.window and (clock[SUSPECT] == 0 or clock[MODE] == REST):
         listen(p.probe, s, p.detector.a_wind)
-        if detecting:
+        # The detector's filters have settled by now: their rise is no gust.
+        if 4 * clock[READY] > 3 * p.timing.settle:
             _heed(p.detector, s)
     clock[CALM] += 1
     clock[INDEX] += 1

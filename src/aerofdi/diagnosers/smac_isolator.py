@@ -316,9 +316,12 @@ def _wait(p: Params, s: State, z: Array, mode: int) -> None:
     if mode == HALT:
         # Home is where the aircraft is once it flies level again; track and altitude do not hold it back.
         if abs(z[PHI]) > p.budget.bank or abs(z[THETA] - s.misc[HOME_THETA]) > p.budget.pitch:
+            # A climb it has left for good is no home: what counts from now on is that the pitch stays.
+            s.misc[HOME_THETA] = z[THETA]
             s.clock[SINCE] = 0
         elif s.clock[SINCE] >= p.timing.rest:
             go_home(s, z)
+            s.clock[SWEEP] = 0
             enter(s, REST)
     elif mode == SPENT:
         if s.clock[SUSPECT] > 0:

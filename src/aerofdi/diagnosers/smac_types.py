@@ -184,7 +184,7 @@ def unflatten(arrays: Mapping[str, Any]) -> Params:
 
 
 # Columns of State.axes.
-RESIDUAL, LOW, LEVEL, SLOW, POWER = range(5)
+RESIDUAL, LOW, LEVEL, SLOW, POWER, BIAS = range(6)
 # Columns of State.surface.
 (
     MEAN,  # of the command, rad
@@ -208,7 +208,8 @@ RESIDUAL, LOW, LEVEL, SLOW, POWER = range(5)
     CROSS_RE,  # mean of command times conjugate residual there
     CROSS_IM,
     EVIDENCE,  # log-likelihood ratio of dead against sound (testing), of sound against dead (tracking)
-) = range(21)
+    C_SUM,  # of the command without mean over the window: not zero while it is on its way elsewhere
+) = range(22)
 # Columns of State.count.
 HEARD, EXCITED, LABEL, ROUND = range(4)
 # Slots of State.clock.
@@ -223,8 +224,8 @@ TEST_SCALE = 13  # and 14, 15: the same for what starts a test
 class State(NamedTuple):
     """Memory between steps, for nu surfaces and a window of N samples; the columns are named above.
 
-    kalman (9,): x and the lower triangle of Sigma. axes (3, 5): residual; through LP1; through LP1 and LP2;
-    through the estimate's filter; mean square of the third. surface (nu, 21). count (nu, 4): samples averaged
+    kalman (9,): x and the lower triangle of Sigma. axes (3, 6): residual; through LP1; through LP1 and LP2;
+    through the estimate's filter; variance and mean of the third. surface (nu, 22). count (nu, 4): samples averaged
     into the answer; samples excited; label (0 sound, 1 stuck, 2 partly effective); verdict of this round (0
     untested, 1 sound, 2 undecided). ring (2 nu + 3, N): commands without mean, excitations, residuals. misc
     (16,). clock (15,).
@@ -244,6 +245,6 @@ def init(params: Params) -> State:
     n, window = len(params.probe.surface), params.probe.window
     kalman = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
     return State(
-        kalman, np.zeros((3, 5)), np.zeros((n, 21)), np.zeros((n, 4), dtype=np.int64), np.zeros((2 * n + 3, window)),
+        kalman, np.zeros((3, 6)), np.zeros((n, 22)), np.zeros((n, 4), dtype=np.int64), np.zeros((2 * n + 3, window)),
         np.zeros(16), np.zeros(15, dtype=np.int64),
     )  # fmt: skip

@@ -63,7 +63,9 @@ def _say_surface(p: Params, s: State, i: int, ok: bool, out: Verdict, k: int) ->
     score[k, a], score[k, b] = s.surface[i, LAMBDA] if heard else math.nan, lost
     angle = ok and label == 1 and _alone(p, s, i)
     estimate[k, a] = s.surface[i, TRIM] + s.surface[i, DELTA] if angle else math.nan
-    std[k, a] = p.probe.surface[i, ANGLE_STD] if angle else math.nan
+    # In gusts the residual the angle is read from moves as much more as its threshold does.
+    gusty = s.misc[SCALE + p.probe.place[i, AXIS]]
+    std[k, a] = p.probe.surface[i, ANGLE_STD] * gusty if angle else math.nan
     share = ok and label == 2 and heard
     estimate[k, b] = lost if share else math.nan
     std[k, b] = loss_std(p.probe, s, i) if share else math.nan

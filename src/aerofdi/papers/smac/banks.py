@@ -5,7 +5,7 @@ lateral    three filters (healthy, left aileron stuck, right aileron stuck) of t
 extended   six filters of the whole linear model: healthy and one a surface, its stuck position as a state; once with
            the model error SMAC has too (torques reduced by 25 %), once with the exact model
 
-They use the textbook posterior and see p, q, r and phi with the noise these really have, and as input what
+They use the textbook posterior and see only p, q, r and phi, with the noise these really have, and as input what
 the actuators get: command plus excitation. Each judges a flight without SMAC, as a passive method would
 have it, and SMAC's own flight, whose excitation helps the banks too.
 """
@@ -39,7 +39,7 @@ LATERAL = ("v", "p", "r", "phi")
 # Process noise a sample: small, as the model is the truth but for gusts and servo limits.
 STATE_STD = {"u": 0.01, "w": 0.01, "v": 0.01, "p": 0.01, "q": 0.01, "r": 0.01, "phi": 1e-4, "theta": 1e-4}
 NOISE = {"p": 0.08, "q": 0.08, "r": 0.08, "phi": math.radians(0.1)}
-SEEDS, QUICK_SEEDS = range(1, 11), range(1, 2)
+SEEDS, QUICK_SEEDS = range(101, 111), range(101, 102)
 LIGHT = 1.0  # m/s
 
 

@@ -112,7 +112,7 @@ def judge(flight: Flight, t_s: Array, verdict: Verdict, kind: str) -> Judged:
 
 
 @lru_cache(maxsize=8)
-def flown(kind: str, gusts: float = 0.0, seed: int = 1) -> Judged:
+def flown(kind: str, gusts: float = 0.0, seed: int = 101) -> Judged:
     """One flight of the sequence with that design on board."""
     found = fly_with(scenario(gusts), [diagnoser(kind)], seed=seed)
     return judge(found.flight, found.verdicts[0].t_s, found.verdicts[0].verdict, kind)

@@ -54,7 +54,7 @@ def bank_operations(design: Any) -> int:
     """Of one step of a bank: predictions, residuals, quadratic forms and corrections of every filter."""
     models, n, nu = design.params["B"].shape
     ns = design.params["H"].shape[1]
-    return int(models * (2 * n * (n + nu) + 2 * ns * n + ns + 3 * ns * ns + 3 * n * ns + 6))
+    return int(models * (2 * n * (n + nu) + 2 * ns * n + ns + 3 * ns * ns + 2 * n * ns + 6))
 
 
 def step_us(diagnosers: dict[str, tuple[Diagnoser, Any, Any]], repeats: int) -> dict[str, float]:
@@ -72,7 +72,7 @@ def step_us(diagnosers: dict[str, tuple[Diagnoser, Any, Any]], repeats: int) -> 
 def find(quick: bool, progress: Callable[[str, float], None]) -> Findings:
     """Counts and times, all on one flight."""
     progress("timing", 0.0)
-    flight = flown("ordered", 0.0, 1).flight
+    flight = flown("ordered").flight
     made = {"smac": diagnoser("ordered"), **{k: banks.diagnoser(k) for k in ("lateral", "extended")}}
     inputs = {}
     for name, d in made.items():

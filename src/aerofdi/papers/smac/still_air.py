@@ -13,7 +13,7 @@ import numpy as np
 from ..claims import Findings, Ours
 from .flights import Judged, flown, summary
 
-SEEDS, QUICK_SEEDS = range(1, 11), range(1, 2)
+SEEDS, QUICK_SEEDS = range(101, 111), range(101, 104)  # the design listens to 1 and 2
 OTHERS = ("aileron_left", "aileron_right", "elevator_left", "elevator_right")
 
 

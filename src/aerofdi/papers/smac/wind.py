@@ -14,7 +14,7 @@ from ...evaluate.metrics import Interval, clopper_pearson, garwood, median_inter
 from ..claims import Findings, Ours
 from .flights import GUSTS, Judged, flown, summary
 
-SEEDS, QUICK_SEEDS = range(1, 11), range(1, 2)
+SEEDS, QUICK_SEEDS = range(101, 111), range(101, 102)  # the design listens to 1 and 2
 KINDS = ("printed", "fixed", "ordered", "together")
 
 
@@ -87,14 +87,14 @@ COLUMNS = {
 
 
 def main() -> None:
-    """[COUNT]: the table of README.md over seeds 1 to COUNT (100), at two strengths of gusts."""
+    """[COUNT]: the table of README.md over COUNT (100) seeds, at two strengths of gusts."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     print(f"| gusts m/s | design | faults | {' | '.join(COLUMNS)} |\n|---|---|---|{'---|' * len(COLUMNS)}")
     for gusts in (1.0, GUSTS):
         for kind in KINDS[1:]:
             flights = []
-            for seed in range(1, count + 1):
-                print(f"\r{kind} at {gusts} m/s: {seed} of {count}  ", end="", file=sys.stderr, flush=True)
+            for seed in range(SEEDS[0], SEEDS[0] + count):
+                print(f"\r{kind} at {gusts} m/s: seed {seed}  ", end="", file=sys.stderr, flush=True)
                 watched = flown.__wrapped__(kind, gusts, seed)
                 # A hundred flights whole would fill the memory.
                 flights.append(watched._replace(flight=None, t_s=None, verdict=None))  # type: ignore[arg-type]
