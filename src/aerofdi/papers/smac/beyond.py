@@ -36,7 +36,7 @@ from .methods import design, diagnoser
 KINDS = ("stuck", "floating", "loss", "pair", "healthy")
 GUSTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5)
 FLIGHT_S, STREAM = 60.0, 77
-FIRST_SEED = 10001  # those below were looked at while the method was made
+FIRST_SEED = 20001  # those below were looked at while the method was made
 Row = dict[str, Any]
 
 
