@@ -94,6 +94,11 @@ def test_fault_below_the_noise_is_refused_and_the_cause_named():
         design_smac(load_aircraft("ducard"), {**QUICK, "smallest_fault_deg": 0.2})
 
 
+def test_where_the_sensors_are_ideal_the_servos_are_named_as_the_cause():
+    with pytest.raises(CannotJudge, match="'servo resolution'"):
+        design_smac(load_aircraft("aerosonde_aerosim"), {**QUICK, "smallest_fault_deg": 0.05})
+
+
 def test_the_right_elevon_of_another_aircraft_is_found(designs):
     """A flying wing without vanes: elevons are tested as one group, alpha is taken from the pitch angle."""
     aircraft, d = load_aircraft("vireo"), smac.from_design(designs["vireo"])

@@ -250,7 +250,9 @@ def _thresholds(
     for a in sorted(set(int(x) for x in axis)):
         members = [i for i in range(len(axis)) if axis[i] == a]
         gain = max(abs(sensitivity[a, i]) for i in members)
-        gamma = {"sensor noise": spec.threshold_sigmas * float(noise.level[a]) / gain}
+        heard = spec.threshold_sigmas * float(noise.level[a]) / gain
+        quiet = heard <= math.radians(spec.resolution_deg) * (1.0 + 1e-9)
+        gamma = {"servo resolution" if quiet else "sensor noise": heard}
         # Its sound twins re-trim the aircraft, so the deviation is the stuck angle once more for each.
         deviation = math.radians(spec.smallest_fault_deg or 0.0) * len(members)
         if spec.smallest_fault_deg is None:
