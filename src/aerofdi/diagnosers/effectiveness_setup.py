@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -111,14 +112,8 @@ def _params(
     commands = [c for g in groups for c in g.channels]
     rates = [n for n in names if n in ("p", "q", "r")]
     air = [n for n in names if n in ("alpha", "beta")]
-    weights = np.zeros((len(groups), len(commands)))
-    for j, g in enumerate(groups):
-        for c, w in zip(g.channels, g.weights, strict=True):
-            weights[j, commands.index(c)] = w
-    table = np.array(rows, float).reshape(-1, 8)
     b = np.array([[a.coefficient(f"command.{g.name}") for g in groups] for a in axes])
     speed = "airspeed" in names
-    limits = [n for n in ENVELOPE if n in names]
     nuisance = [0.0, *(gain_tolerance(model, g.name) for g in groups), SPEED_TOLERANCE[0 if speed else 1]]
     place = np.array([[0.0 if n == a.rate else a.coefficient(n) for n in rates] for a in axes])
     return Params(
@@ -136,7 +131,7 @@ def _params(
         command_at=np.array([names.index(c) for c in commands]),
         air_at=np.array([names.index(n) for n in air], dtype=np.int64),
         speed_at=names.index("airspeed") if speed else -1,
-        weights=weights,
+        weights=_weights(model, commands),
         lower=np.array([g.lower for g in groups]),
         upper=np.array([g.upper for g in groups]),
         v0=model.airspeed if speed else 1.0,
@@ -144,15 +139,7 @@ def _params(
         lag_pole=math.exp(-model.dt_s / model.lag_s) if model.lag_s > 0 else 0.0,
         delay=model.delay_s / model.dt_s,
         max_age=max_age,
-        kind=table[:, 0].astype(np.int64),
-        group=table[:, 1].astype(np.int64),
-        share=table[:, 2].copy(),
-        mean=table[:, 3].copy(),
-        spread=table[:, 4].copy(),
-        memory=table[:, 5].copy(),
-        low=table[:, 6].copy(),
-        high=table[:, 7].copy(),
-        gain_std=np.full(len(table), 0.1),
+        **_hypothesis_columns(rows),
         nuisance_spread=np.array(nuisance),
         nuisance_memory=30.0,
         alarm=alarm,
@@ -165,7 +152,33 @@ def _params(
         settle=SETTLE_S,
         fresh_s=FRESH_S,
         evidence_memory=EVIDENCE_S,
-        limit_at=np.array([names.index(n) for n in limits], dtype=np.int64),
-        limit_low=np.array([(1.0 - ENVELOPE[n]) * model.envelope[n][0] for n in limits]),
-        limit_high=np.array([(1.0 + ENVELOPE[n]) * model.envelope[n][1] for n in limits]),
+        **_envelope(model, names),
     )
+
+
+def _weights(model: IdentifiedModel, commands: list[str]) -> Array:
+    """(groups, commands): how much each command counts in the mean of its group."""
+    out = np.zeros((len(model.groups), len(commands)))
+    for j, g in enumerate(model.groups):
+        for c, w in zip(g.channels, g.weights, strict=True):
+            out[j, commands.index(c)] = w
+    return out
+
+
+def _hypothesis_columns(rows: list[tuple[float, ...]]) -> dict[str, Any]:
+    """The table of hypotheses, a row each, as the columns of Params."""
+    table = np.array(rows, float).reshape(-1, 8)
+    names = ("share", "mean", "spread", "memory", "low", "high")
+    numbers = {name: table[:, 2 + k].copy() for k, name in enumerate(names)}
+    kind, group = table[:, 0].astype(np.int64), table[:, 1].astype(np.int64)
+    return numbers | {"kind": kind, "group": group, "gain_std": np.full(len(table), 0.1)}
+
+
+def _envelope(model: IdentifiedModel, names: tuple[str, ...]) -> dict[str, Any]:
+    """The speeds outside which the model was never learnt."""
+    limits = [n for n in ENVELOPE if n in names]
+    return {
+        "limit_at": np.array([names.index(n) for n in limits], dtype=np.int64),
+        "limit_low": np.array([(1.0 - ENVELOPE[n]) * model.envelope[n][0] for n in limits]),
+        "limit_high": np.array([(1.0 + ENVELOPE[n]) * model.envelope[n][1] for n in limits]),
+    }

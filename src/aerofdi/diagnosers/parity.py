@@ -210,16 +210,8 @@ def from_linear(
     """
     names, unit_of = _channels(commands, outputs, exogenous, units or {}, airspeed)
     nu, ns = np.shape(mix)
-    if ns != len(commands) or b.shape != (len(a), nu + len(exogenous)) or c.shape != (len(outputs), len(a)):
-        raise WrongUse(
-            f"{name}: shapes do not fit: a {a.shape}, b {b.shape}, c {c.shape}, mix {(nu, ns)} for "
-            f"{len(commands)} commands, {len(exogenous)} exogenous inputs and {len(outputs)} outputs"
-        )
     limits = np.asarray(threshold, float)
-    if limits.shape != (len(outputs),) or not (limits > 0).all():
-        raise WrongUse(
-            f"{name}: threshold {threshold} must hold a positive number for each of {tuple(outputs)}"
-        )
+    _check(name, (a, b, c), (nu, ns), (commands, exogenous, outputs), limits)
     ad, bd = hold(np.asarray(a, float), np.asarray(b, float), dt_s)
     ages = tuple((max_age_s or {}).get(n, 5.0 * dt_s) for n in names)
     settle_s = max(2.5 * order / 5.0 / bandwidth * 2.0, 0.5)
@@ -258,6 +250,22 @@ def from_linear(
         residuals=tuple(outputs),
         settle_s=settle_s + 2 * dt_s,
     )
+
+
+def _check(
+    name: str, model: tuple[Array, Array, Array], mix: tuple[int, int], channels: tuple[Sequence[str], ...], limits: Array
+) -> None:  # fmt: skip
+    """Shapes that fit and positive thresholds, or WrongUse."""
+    (a, b, c), (nu, ns), (commands, exogenous, outputs) = model, mix, channels
+    if ns != len(commands) or b.shape != (len(a), nu + len(exogenous)) or c.shape != (len(outputs), len(a)):
+        raise WrongUse(
+            f"{name}: shapes do not fit: a {a.shape}, b {b.shape}, c {c.shape}, mix {mix} for "
+            f"{len(commands)} commands, {len(exogenous)} exogenous inputs and {len(outputs)} outputs"
+        )
+    if limits.shape != (len(outputs),) or not (limits > 0).all():
+        raise WrongUse(
+            f"{name}: threshold {limits.tolist()} must hold a positive number for each of {tuple(outputs)}"
+        )
 
 
 def _channels(
