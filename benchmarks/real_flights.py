@@ -107,10 +107,17 @@ def _wing(flights: Path) -> dict:
     }
 
 
+def _top(d: FlightDiagnosis) -> float:
+    """Highest effectiveness score of the judged flight."""
+    score = _run(d).verdict.score
+    return float(np.nanmax(score)) if np.isfinite(score).any() else 0.0
+
+
 def _alfa(flights: Path) -> dict:
-    out = {}
+    out, weakest = {}, np.inf
     for name in ("2018-10-05-14-37-22_2", "2018-10-05-14-37-22_3"):
         d = diagnose([next((flights / "alfa").glob(f"*{name}*"))])[0]
+        weakest = min(weakest, _top(d))
         s = d.flight.truth["failure.aileron"]
         start = s.t_s[(s.value != 0).argmax()]
         named = _events(d, "isolated")[0]
@@ -122,6 +129,10 @@ def _alfa(flights: Path) -> dict:
     out["alfa no failure called fault"] = _entry(sum(d.verdict == "fault" for d in quiet), "flights", None,
                                                  f"{len(quiet)} flights, effectiveness judged "
                                                  f"{sum(_result(d) == 'healthy' for d in quiet)}")  # fmt: skip
+    liveliest = max(_top(d) for d in quiet)
+    out["alfa score of the weaker fault"] = _entry(
+        weakest, "1", None, f"alarm at 12; liveliest healthy flight {liveliest:.1f}"
+    )
     engines = diagnose(sorted((flights / "alfa").glob("*engine_failure*")))
     surface = sum(any(e["fault"] for r in d.results for e in r.events) for d in engines)
     alarms = sum(any(r.diagnoser == "parity" and r.verdict == "fault" for r in d.results) for d in engines)

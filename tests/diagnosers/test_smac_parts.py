@@ -17,6 +17,7 @@ from aerofdi.diagnosers.smac_health import (
     watch_commands,
     window_variance,
 )
+from aerofdi.diagnosers.smac_verdict import say
 from aerofdi.papers.smac.methods import design, diagnoser
 
 DEG = math.pi / 180.0
@@ -148,3 +149,15 @@ def test_filter_begins_at_the_rates_after_a_gap_and_settles_again_after_a_long_o
             assert out.status[k] == (Status.NOT_READY if lost == 60 else Status.OK)
         elif k >= 500:
             assert out.status[k] == Status.STALE_INPUT
+
+
+def test_angle_in_gusts_is_as_much_less_certain_as_the_threshold_is_higher():
+    d = smac.from_design(design("together"))
+    said = []
+    for scale in (1.0, 3.0):
+        s, out = t.init(d.params), empty_verdict(d, 1)
+        s.misc[t.SCALE : t.SCALE + 3] = scale
+        s.count[3, t.LABEL] = 1
+        say(d.params, s, 0, out, 0)
+        said.append(out.estimate_std[0, 1 + 2 * 3])
+    assert said[0] == d.params.probe.surface[3, t.ANGLE_STD] and said[1] == pytest.approx(3.0 * said[0])

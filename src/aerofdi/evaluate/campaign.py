@@ -271,13 +271,13 @@ def run_campaign(
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     say = progress or (lambda text, share: None)
-    todo = units(c)
-    paths = [_part(c, u, out) for u in todo]
-    missing = [u for u, p in zip(todo, paths) if not p.exists()]
-    kept = [(u, p) for u, p in zip(todo, paths) if p.exists()]
+    parts = units(c)
+    paths = [_part(c, u, out) for u in parts]
+    missing = [u for u, p in zip(parts, paths) if not p.exists()]
+    kept = [(u, p) for u, p in zip(parts, paths) if p.exists()]
     if kept:
         _check_kept(c, *kept[0])
-    flights = sum(len(u.seeds) for u in todo)
+    flights = sum(len(u.seeds) for u in parts)
     done = flights - sum(len(u.seeds) for u in missing)
     say(f"{c.name}: {done} of {flights} flights", done / max(flights, 1))
 
@@ -296,12 +296,12 @@ def _deaf() -> None:
 
 
 def _finished(
-    c: Campaign, todo: list[Unit], out: Path, workers: int, stopping: Callable[[], None]
+    c: Campaign, parts: list[Unit], out: Path, workers: int, stopping: Callable[[], None]
 ) -> Iterator[Unit]:
     """Units as they finish. One worker flies here; more fly in processes of their own, and stopping() is called
     before the parts under way are waited for."""
-    if workers == 1 or len(todo) <= 1:
-        for unit in todo:
+    if workers == 1 or len(parts) <= 1:
+        for unit in parts:
             fly_part(c, unit, out)
             yield unit
         return
@@ -309,7 +309,7 @@ def _finished(
     from multiprocessing import get_context
 
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_deaf) as pool:
-        waiting = {pool.submit(fly_part, c, unit, out): unit for unit in todo}
+        waiting = {pool.submit(fly_part, c, unit, out): unit for unit in parts}
         try:
             for future in as_completed(waiting):
                 future.result()

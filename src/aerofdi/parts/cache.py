@@ -44,16 +44,16 @@ def source_files(function: Callable[..., Any]) -> list[str]:
     """Every source file of its package (and of this one) that the function can reach, sorted."""
     packages = {_OURS, function.__module__.partition(".")[0]}
     seen: dict[str, str] = {}
-    todo = [function.__module__]
-    while todo:
-        name = todo.pop()
+    waiting = [function.__module__]
+    while waiting:
+        name = waiting.pop()
         module = sys.modules.get(name)
         path = getattr(module, "__file__", None)
         if name in seen or path is None or name.partition(".")[0] not in packages:
             continue
         seen[name] = path
         for value in list(vars(module).values()):
-            todo.extend(origin for origin in _origins(value) if origin not in seen)
+            waiting.extend(origin for origin in _origins(value) if origin not in seen)
     return sorted(set(seen.values()))
 
 

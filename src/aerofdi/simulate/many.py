@@ -187,11 +187,11 @@ def fly_many(
     asked = _description(s, runs, draws or {}, channels, dt_s, base)
     _claim(folder, asked)
     parts = [range(i, min(i + BATCH, runs)) for i in range(0, runs, BATCH)]
-    todo = [p for p in parts if not _part(folder, "runs", p.start).exists()]
+    missing = [p for p in parts if not _part(folder, "runs", p.start).exists()]
     truth = any(c.startswith("truth.") for c in channels)
     work = _worker(s, draws or {}, base, truth)
     say = _progress(progress, runs)
-    done = runs - sum(len(p) for p in todo)
+    done = runs - sum(len(p) for p in missing)
     say(done)
 
     def one(run: int) -> tuple[dict[str, float], dict[str, Array]]:
@@ -201,8 +201,8 @@ def fly_many(
         return row, _columns(flight, channels, dt_s)
 
     try:
-        runner = _ahead(one, [r for p in todo for r in p], jobs or os.cpu_count() or 1)
-        for part in todo:
+        runner = _ahead(one, [r for p in missing for r in p], jobs or os.cpu_count() or 1)
+        for part in missing:
             found = []
             for _ in part:
                 found.append(next(runner)[1])

@@ -22,11 +22,11 @@ import numpy as np
 from ...aircraft import load_aircraft
 from ...core import Array, Design, Diagnoser, Flight, Verdict, bind, run
 from ...design.mmae import Tuning, design_mmae
+from ...design.mmae_aircraft import servo_of
 from ...design.smac import commanded_surfaces
 from ...diagnosers.mmae import TEXTBOOK, from_design
 from ...dynamics.linearise import linearise
 from ...dynamics.trim import trim
-from ...parts.servo import servo_coefficients
 from ...simulate import fly
 from ..claims import Findings, Ours
 from .flights import flown, labels, scenario
@@ -53,7 +53,7 @@ def bank(kind: str) -> Design:
     suspects = AILERONS if kind == "lateral" else surfaces
     model = linearise(aircraft, condition, states=states, inputs=surfaces)
     error = np.array([0.75 if s in "pqr" and kind != "exact" else 1.0 for s in states])[:, None]
-    servos = np.array([servo_coefficients(1, aircraft.surface(s).bandwidth, dt_s=DT_S) for s in surfaces])
+    servos = np.array([servo_of(aircraft.surface(s), DT_S) for s in surfaces])
     seen = {name: std for name, std in NOISE.items() if name in states}
     tuning = Tuning(
         state_std={s: STATE_STD[s] for s in states}, measured=seen, weight=dict.fromkeys(seen, 1.0), rule=TEXTBOOK,

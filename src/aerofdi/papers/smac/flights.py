@@ -45,7 +45,7 @@ class Episode(NamedTuple):
 class Judged(NamedTuple):
     """A flight with SMAC. false_labels: surfaces declared while nothing was wrong. false_alarms: times
     ThereIsaFault rose while nothing was wrong and nothing declared. healthy_s: how long nothing was
-    wrong."""
+    wrong. excited: share of the flight under excitation."""
 
     flight: Flight
     t_s: Array
@@ -54,6 +54,7 @@ class Judged(NamedTuple):
     false_labels: tuple[str, ...]
     false_alarms: int
     healthy_s: float
+    excited: float
 
 
 def scenario(gusts: float) -> Scenario:
@@ -107,7 +108,14 @@ def judge(flight: Flight, t_s: Array, verdict: Verdict, kind: str) -> Judged:
     rose = int(np.sum(np.diff((verdict.detected & quiet).astype(int)) > 0))
     outside = tuple(names[j] for t, j in false if not any(f["start_s"] <= t < f["end_s"] for f in faults))
     return Judged(
-        flight, t_s, verdict, tuple(episodes), outside, rose, float(np.sum(healthy)) * float(t_s[1] - t_s[0])
+        flight,
+        t_s,
+        verdict,
+        tuple(episodes),
+        outside,
+        rose,
+        float(np.sum(healthy)) * float(t_s[1] - t_s[0]),
+        float(np.mean(verdict.excitation.any(axis=1))),
     )
 
 

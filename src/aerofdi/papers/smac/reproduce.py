@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
-from typing import Any
 
-from ..claims import Findings, Ours
+from ..claims import Findings
+from ..items import run_items
 
-ITEMS = ("still_air", "wind", "tuning", "banks", "load", "figures")
+MODULES = {
+    "still_air": "still_air",
+    "wind": "wind",
+    "tuning": "tuning",
+    "banks": "banks",
+    "load": "load",
+    "figures": "figures",
+}
+ITEMS = tuple(MODULES)
 ONLY_WHEN_ASKED = ("figures",)
 
 
 def run(item: str | None, quick: bool, progress: Callable[[str, float], None]) -> Findings:
-    """One item, or all but the one that writes files."""
-    wanted = [item] if item else [i for i in ITEMS if i not in ONLY_WHEN_ASKED]
-    ours: dict[str, Ours] = {}
-    tables: dict[str, Any] = {}
-    for k, name in enumerate(wanted):
-
-        def say(text: str, share: float, done: int = k) -> None:
-            progress(text, (done + share) / len(wanted))
-
-        found = import_module(f"{__package__}.{name}").find(quick, say)
-        ours |= found.ours
-        tables |= found.tables
-    return Findings(ours, tables)
+    """One item, or all but those that write files."""
+    return run_items(__package__, MODULES, ONLY_WHEN_ASKED, item, quick, progress)

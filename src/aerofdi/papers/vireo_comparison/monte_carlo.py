@@ -91,6 +91,14 @@ def quantiles(found: Iterable[dict[str, Any]], label: str) -> dict[str, Any]:
     return {"method": label} | {k: round(v, 3) if math.isfinite(v) else None for k, v in picks.items()}
 
 
+def _covered(found: Iterable[dict[str, Any]], label: str) -> float | None:
+    """Share of the estimated angles that lie within twice their standard deviation of the truth; null without one."""
+    mine = [r for r in found if r["kind"] == "fault" and r["diagnoser"] == label]
+    sure = [r for r in mine if math.isfinite(r["error"]) and math.isfinite(r["estimate_std"])]
+    inside = [abs(r["error"]) <= 2.0 * r["estimate_std"] for r in sure]
+    return round(sum(inside) / len(inside), 4) if inside else None
+
+
 def find(quick: bool, progress: Callable[[str, float], None]) -> Findings:
     """Tables only: the paper claims nothing about these flights."""
     found = rows(quick, progress)
@@ -98,6 +106,7 @@ def find(quick: bool, progress: Callable[[str, float], None]) -> Findings:
     tables = {
         "monte_carlo": summaries(found, quick),
         "monte_carlo_delays": [quantiles(found, label) for label in by_method],
+        "monte_carlo_angle_within_two_std": {label: _covered(found, label) for label in by_method},
         "monte_carlo_isolation": {
             label: confusion(d for _, s in flights for d in s.detections)
             for label, flights in by_method.items()
