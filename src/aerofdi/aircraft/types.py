@@ -25,6 +25,10 @@ class Number(NamedTuple):
     line: int
 
 
+# States of the actuator models an aircraft file may name.
+ACTUATOR_ORDER = {"none": 0, "first_order": 1, "second_order": 2}
+
+
 class Surface(NamedTuple):
     """One control surface.
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..aircraft import hash as hash_of
-from ..aircraft.types import Aircraft, Surface
+from ..aircraft.types import ACTUATOR_ORDER, Aircraft, Surface
 from ..core import Array, CannotJudge, Design, WrongUse
 from ..dynamics.linearise import linearise
 from ..dynamics.trim import trim
@@ -15,7 +15,6 @@ from ..parts.servo import servo_coefficients
 from .mmae import Tuning, design_mmae
 
 LATERAL = ("v", "p", "r", "phi")
-ORDERS = {"none": 0, "first_order": 1, "second_order": 2}
 
 
 def redundant_groups(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
@@ -47,7 +46,7 @@ def _group(aircraft: Aircraft, group: str | None) -> str:
 def servo_of(surface: Surface, dt_s: float) -> Array:
     """The actuator model of a surface, (8,), limits included."""
     return servo_coefficients(
-        ORDERS[surface.actuator], surface.bandwidth, surface.damping, surface.lower, surface.upper,
+        ACTUATOR_ORDER[surface.actuator], surface.bandwidth, surface.damping, surface.lower, surface.upper,
         surface.rate_limit, dt_s,
     )  # fmt: skip
 

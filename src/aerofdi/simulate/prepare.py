@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..aircraft import Aircraft, load_aircraft
+from ..aircraft.types import ACTUATOR_ORDER
 from ..autopilot import Autopilot, Measured, autopilot_of, guidance
 from ..autopilot.signals import BANK, COURSE, HEADING, TRACK
 from ..core.errors import WrongUse
@@ -94,9 +95,8 @@ def _rates(s: Scenario, autopilot: Autopilot) -> tuple[float, int, int]:
 
 
 def _servos(aircraft: Aircraft, dt: float) -> tuple[tuple[str, ...], Array, ActuatorParams]:
-    order = {"none": 0, "first_order": 1, "second_order": 2}
     rows = [
-        Servo(order[f.actuator], f.bandwidth, f.damping, f.lower, f.upper, f.rate_limit, f.delay)
+        Servo(ACTUATOR_ORDER[f.actuator], f.bandwidth, f.damping, f.lower, f.upper, f.rate_limit, f.delay)
         for f in aircraft.surfaces
     ]
     rows.append(Servo(0, 1.0, 1.0, 0.0, 1.0, math.inf, 0.0))

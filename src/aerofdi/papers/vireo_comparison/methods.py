@@ -23,8 +23,8 @@ from ...aircraft import load_aircraft
 from ...core import Array, Design, Diagnoser
 from ...design.io import load_design
 from ...design.mmae import Tuning, design_mmae
+from ...design.mmae_aircraft import servo_of
 from ...diagnosers import lpv_observer, mmae, parity
-from ...parts.servo import servo_coefficients
 
 DEG = math.pi / 180.0
 DT_S = 1.0 / 92.0
@@ -65,9 +65,7 @@ PAPER_TUNING = Tuning(
 def servos(aircraft: str = "vireo", dt_s: float = DT_S) -> Array:
     """(2, 8): the elevons' actuator models, limits and rates included."""
     table = [load_aircraft(aircraft).surface(name) for name in PAIR]
-    return np.array(
-        [servo_coefficients(2, s.bandwidth, s.damping, s.lower, s.upper, s.rate_limit, dt_s) for s in table]
-    )
+    return np.array([servo_of(s, dt_s) for s in table])
 
 
 def method_a(
