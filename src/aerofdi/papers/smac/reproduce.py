@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..claims import Findings
-from ..items import run_items
+from ..running import run_items
 
 MODULES = {
     "still_air": "still_air",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..claims import Findings
-from ..items import run_items
+from ..running import run_items
 
 MODULES = {
     "table4": "table4",
